@@ -32,7 +32,7 @@ from urbihw.buses import messages as m
 from urbihw.buses.link import Url
 from urbihw.buses.worker import Worker
 from urbihw.platforms.nxt import protocol as p
-from urbihw.platforms.nxt.exchange import Exchange
+from urbihw.platforms.nxt.exchange import NxtExchange
 
 TURNS = 10
 ROOT = Path(__file__).resolve().parents[1]
@@ -66,7 +66,7 @@ def fake(*options: str) -> Iterator[str]:
 def ours(url: str) -> Iterator[Loop]:
     """This driver: asked and decoded."""
     with buses.open_link(url) as link:
-        exchange = Exchange(link)
+        exchange = NxtExchange(link)
 
         def loop(count: int) -> None:
             p.parse_output_state(exchange.request(p.output_state(count % 3)))

@@ -32,9 +32,9 @@ from urbihw.navigation.planner import plan
 from urbihw.platforms import find
 from urbihw.platforms.p3dx import sip
 from urbihw.platforms.p3dx.driver import ArcosDriver
-from urbihw.platforms.p3dx.handshake import RobotInfo
+from urbihw.platforms.p3dx.handshake import ArcosRobotInfo
 from urbihw.platforms.p3dx.packets import parse_config
-from urbihw.platforms.p3dx.protocol import Framer
+from urbihw.platforms.p3dx.protocol import ArcosFramer
 from urbihw.platforms.p3dx.robot import P3dx
 from urbihw_fakes.p3dx.codec import arcos_packet
 from urbihw_fakes.p3dx.sips import SipFields
@@ -122,7 +122,7 @@ def served(packets: list[bytes], script: str) -> Callable[[int], object]:
     robot.open(RobotSettings("pipe://canned"), answers.append)
     (post,) = posts
     post(m.LinkState(True))
-    post(m.Found((RobotInfo("canned", "Pioneer", "p3dx-sh", parse_config(b"")),)))
+    post(m.Found((ArcosRobotInfo("canned", "Pioneer", "p3dx-sh", parse_config(b"")),)))
     kernel.scheduler.run_simulated(clock.now() + 0.1)
     driver = ArcosDriver()
     link = Canned(packets)
@@ -147,7 +147,7 @@ def served(packets: list[bytes], script: str) -> Callable[[int], object]:
 def small_costs(rounds: int) -> None:
     """The first part: see the head of this file."""
     packets = sips(500)
-    framer = Framer()
+    framer = ArcosFramer()
 
     def decode(number: int) -> None:
         for body in framer.feed(packets[number % 500]):

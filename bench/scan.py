@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from urbihw.buses.servos.line import Line
+from urbihw.buses.servos.line import ServoLine
 from urbihw.buses.servos.survey import BAUDS, survey
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -52,7 +52,7 @@ def seconds(scan: Callable[[], int]) -> tuple[float, int]:
 
 def ours(path: str, bauds: tuple[int, ...], protocols: tuple[int, ...]) -> int:
     """Scan with urbihw."""
-    with Line.open(path, bauds[0]) as line:
+    with ServoLine.open(path, bauds[0]) as line:
         return len(survey(line, bauds, protocols).servos)
 
 

@@ -12,7 +12,7 @@ from urbihw import settings as s
 
 
 @dataclass(frozen=True)
-class Toy(s.Table):
+class Toy(s.SettingsTable):
     """A toy.
 
     Attributes:
@@ -32,7 +32,7 @@ class Toy(s.Table):
             yield s.Mistake("size", "a green one is small")
 
 
-RULES: dict[str, tuple[s.Rule, list[Any], list[Any]]] = {
+RULES: dict[str, tuple[s.SettingRule, list[Any], list[Any]]] = {
     "text": (s.TEXT, ["", "x"], [1, True, ["x"], None]),
     "switch": (s.SWITCH, [True, False], [0, 1, "true"]),
     "texts": (s.TEXTS, [[], ["a"], ("a", "b")], ["a", [1], [["a"]]]),

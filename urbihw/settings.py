@@ -59,7 +59,7 @@ def one_line(text: str) -> str:
 
 
 @dataclass(frozen=True)
-class Rule:
+class SettingRule:
     """The rule that the value of a setting must fulfil.
 
     Attributes:
@@ -81,7 +81,7 @@ class Rule:
     most: float | None = None
     above: float | None = None
     words: tuple[Any, ...] = ()
-    each: Rule | None = None
+    each: SettingRule | None = None
     length: int | None = None
     rising: bool = False
 
@@ -133,53 +133,53 @@ class Rule:
 _GREATEST = 1e18  # a greater whole number makes no sense in seconds, bytes or radians
 _JSON = {str: "string", bool: "boolean", int: "integer", float: "number", list: "array", dict: "object"}
 
-TEXT = Rule((str,), "a text")
-SWITCH = Rule((bool,), "true or false")
-TEXTS = Rule((list, tuple), "a list of texts", tuple, each=TEXT)
-TABLE = Rule((dict,), "a table")
-ANY = Rule((bool, int, float, str), "a value")
+TEXT = SettingRule((str,), "a text")
+SWITCH = SettingRule((bool,), "true or false")
+TEXTS = SettingRule((list, tuple), "a list of texts", tuple, each=TEXT)
+TABLE = SettingRule((dict,), "a table")
+ANY = SettingRule((bool, int, float, str), "a value")
 
 
-def number(least: float, most: float, unit: str = "") -> Rule:
+def number(least: float, most: float, unit: str = "") -> SettingRule:
     """A number within bounds; ``unit`` appears in the message and begins with a space."""
-    return Rule((int, float), f"a number from {least:g} to {most:g}{unit}", float, least, most)
+    return SettingRule((int, float), f"a number from {least:g} to {most:g}{unit}", float, least, most)
 
 
-def positive() -> Rule:
+def positive() -> SettingRule:
     """A number above 0."""
-    return Rule((int, float), "a number above 0", float, above=0)
+    return SettingRule((int, float), "a number above 0", float, above=0)
 
 
-def whole(least: int, most: int, unit: str = "") -> Rule:
+def whole(least: int, most: int, unit: str = "") -> SettingRule:
     """A whole number within bounds."""
-    return Rule((int,), f"a whole number from {least} to {most}{unit}", least=least, most=most)
+    return SettingRule((int,), f"a whole number from {least} to {most}{unit}", least=least, most=most)
 
 
-def wholes(least: int, most: int, example: str) -> Rule:
+def wholes(least: int, most: int, example: str) -> SettingRule:
     """A list of whole numbers within bounds."""
-    return Rule(
+    return SettingRule(
         (list, tuple), f"a list of whole numbers from {least} to {most}, such as {example}", tuple,
         each=whole(least, most),
     )  # fmt: skip
 
 
-def rising(length: int, example: str, least: float | None = None, most: float | None = None) -> Rule:
+def rising(length: int, example: str, least: float | None = None, most: float | None = None) -> SettingRule:
     """A list of ``length`` numbers, each no smaller than the one before, all within both bounds or any."""
     within = "" if least is None or most is None else f" from {least:g} to {most:g}"
-    return Rule(
+    return SettingRule(
         (list, tuple), f"{length} rising numbers{within}, such as {example}", lambda value: tuple(map(float, value)),
-        each=Rule((int, float), "a number", least=least, most=most), length=length, rising=True,
+        each=SettingRule((int, float), "a number", least=least, most=most), length=length, rising=True,
     )  # fmt: skip
 
 
-def choice(*words: Any, wants: str = "", make: Callable[[Any], Any] = lambda value: value) -> Rule:
+def choice(*words: Any, wants: str = "", make: Callable[[Any], Any] = lambda value: value) -> SettingRule:
     """One of the given words or numbers."""
     kinds = tuple(dict.fromkeys(map(type, words)))
-    return Rule(kinds, wants or "one of " + ", ".join(shown(word) if word == "" else str(word) for word in words), make,
-                words=words)  # fmt: skip
+    listed = ", ".join(shown(word) if word == "" else str(word) for word in words)
+    return SettingRule(kinds, wants or "one of " + listed, make, words=words)
 
 
-def setting(default: Any, rule: Rule, *, in_url: bool = False, secret: bool = False, file: bool = False) -> Any:
+def setting(default: Any, rule: SettingRule, *, in_url: bool = False, secret: bool = False, file: bool = False) -> Any:
     """A field of a table.
 
     ``in_url``: it can also be given in the robot's url, as ``?name=value``.  ``secret``: a password or the like, which
@@ -193,7 +193,7 @@ def setting(default: Any, rule: Rule, *, in_url: bool = False, secret: bool = Fa
 
 
 @dataclass(frozen=True)
-class Table:
+class SettingsTable:
     """Base class of all tables of settings."""
 
     @classmethod
@@ -213,7 +213,7 @@ class Table:
         return made, [*mistakes, *made.clashes()]
 
     @classmethod
-    def rules(cls) -> dict[str, Rule]:
+    def rules(cls) -> dict[str, SettingRule]:
         """The rule of each row, by name."""
         return {each.name: each.metadata["rule"] for each in fields(cls)}
 
@@ -241,7 +241,9 @@ class Table:
         return iter(())
 
 
-def checked(rules: Mapping[str, Rule], given: Mapping[str, Any], what: str) -> tuple[dict[str, Any], list[Mistake]]:
+def checked(
+    rules: Mapping[str, SettingRule], given: Mapping[str, Any], what: str
+) -> tuple[dict[str, Any], list[Mistake]]:
     """The valid ones of the given values, converted by their rules, and the mistakes in the others."""
     values: dict[str, Any] = {}
     mistakes = []
@@ -256,12 +258,14 @@ def checked(rules: Mapping[str, Rule], given: Mapping[str, Any], what: str) -> t
     return values, mistakes
 
 
-def from_texts(rules: Mapping[str, Rule], texts: Mapping[str, str], what: str) -> tuple[dict[str, Any], list[Mistake]]:
+def from_texts(
+    rules: Mapping[str, SettingRule], texts: Mapping[str, str], what: str
+) -> tuple[dict[str, Any], list[Mistake]]:
     """The same for values that are texts, as those of a url are."""
     return checked(rules, {key: _meant(rules.get(key, TEXT), text) for key, text in texts.items()}, what)
 
 
-def _meant(rule: Rule, text: str) -> Any:
+def _meant(rule: SettingRule, text: str) -> Any:
     if bool in rule.kinds and text.lower() in ("true", "false"):
         return text.lower() == "true"
     if int in rule.kinds and re.fullmatch(r"-?[0-9]{1,18}", text):

@@ -6,12 +6,13 @@ from typing import Any, TypeVar
 
 from urbihw.buses import messages as m
 from urbihw.buses.can.drives import DrivesDriver
-from urbihw.buses.can.frame import Frame
+from urbihw.buses.can.frame import CanFrame
 from urbihw.buses.can.port import CanPort
-from urbihw.buses.clock import SimClock
+from urbihw.buses.clock import BusSimClock
 from urbihw.buses.errors import BusTimeout, LinkGone
 from urbihw.buses.link import Context, Url
-from urbihw_fakes.can.node import CanFrame, Timed
+from urbihw_fakes.can.node import CanFrame as FakeFrame
+from urbihw_fakes.can.node import Timed
 from urbihw_fakes.cia402.node import Drive
 
 T = TypeVar("T")
@@ -21,10 +22,10 @@ TICK = 0.01
 class RigPort(CanPort):
     """A bus with drives on it; who waits on it lets time pass."""
 
-    def __init__(self, drives: list[Drive], clock: SimClock) -> None:
+    def __init__(self, drives: list[Drive], clock: BusSimClock) -> None:
         super().__init__(Url.parse("can://pipe/rig"), Context(clock))
         self.drives = drives
-        self.sent: list[Frame] = []
+        self.sent: list[CanFrame] = []
         self.dead = self.full = self.deaf = False
         self._coming: list[Timed] = []
 
@@ -34,22 +35,22 @@ class RigPort(CanPort):
     def _close(self) -> None:
         pass
 
-    def send(self, frame: Frame) -> None:
+    def send(self, frame: CanFrame) -> None:
         if self.dead:
             raise LinkGone("unplugged")
         if self.full:
             raise BusTimeout("full")
         self.sent.append(frame)
         for drive in self.drives:
-            self._coming += drive.receive_frame(CanFrame(*frame), self.clock.now())
+            self._coming += drive.receive_frame(FakeFrame(*frame), self.clock.now())
 
-    def receive(self, limit: int, deadline: float) -> list[Frame]:
+    def receive(self, limit: int, deadline: float) -> list[CanFrame]:
         if self.dead:
             raise LinkGone("unplugged")
         while True:
             for drive in self.drives:
                 self._coming += drive.tick(self.clock.now())
-            frames, self._coming = [Frame(*frame) for _, frame in self._coming], []
+            frames, self._coming = [CanFrame(*frame) for _, frame in self._coming], []
             if self.deaf:
                 frames = []
             if frames or self.clock.now() >= deadline:
@@ -62,7 +63,7 @@ class Rig:
 
     def __init__(self, *drives: Drive, **settings: Any) -> None:
         self.drives = list(drives) or [Drive(5)]
-        self.clock = SimClock(50.0)
+        self.clock = BusSimClock(50.0)
         self.port = RigPort(self.drives, self.clock)
         self.driver = DrivesDriver()
         self.driver.configure(m.Configure(rate=1 / TICK, **settings))

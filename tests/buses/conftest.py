@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from urbihw import buses
-from urbihw.buses.clock import SimClock
+from urbihw.buses.clock import BusSimClock
 from urbihw.buses.link import Context, Link
 from urbihw.buses.pipe import PipeEnd
 from urbihw.buses.servos.bus import ServoBus
@@ -36,7 +36,7 @@ class Rig:
 
     def __init__(self, kit: Bioloid) -> None:
         self.kit = kit
-        self.clock = SimClock(100.0)
+        self.clock = BusSimClock(100.0)
         self.end = PipeEnd(self._receive)
         self._sent: list[str] = []
         self.context = Context(self.clock, {"robot": self.end})

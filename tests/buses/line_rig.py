@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from urbihw import buses
-from urbihw.buses.clock import SimClock
+from urbihw.buses.clock import BusSimClock
 from urbihw.buses.link import Context, Link
 from urbihw.buses.pipe import PipeEnd
-from urbihw.buses.servos.line import Line
+from urbihw.buses.servos.line import ServoLine
 from urbihw_fakes.bioloid import Bioloid
 from urbihw_fakes.bioloid.console import commands
 from urbihw_fakes.console import Command
@@ -29,11 +29,11 @@ class LineRig:
     ) -> None:
         self._delay = delay
         self.kit = Bioloid(units=units) if kit is None else kit
-        self.clock = SimClock(100.0)
+        self.clock = BusSimClock(100.0)
         self.end = PipeEnd(self.receive)
         self.sent: list[bytes] = []
         self._context = Context(self.clock, {"robot": self.end})
-        self.line = Line("pipe://robot", self._open_at, baud, has_speed=True)
+        self.line = ServoLine("pipe://robot", self._open_at, baud, has_speed=True)
 
     def _open_at(self, baud: int) -> Link:
         self.kit.baud = baud

@@ -98,7 +98,7 @@ class _Port:
         return self._over
 
 
-class _Handler:
+class _PacketHandler:
     """The packet handler of a package.
 
     Attributes:
@@ -150,7 +150,7 @@ class SdkBus(ServoBus):
     def __init__(self, link: Link, protocol: ProtocolChoice = 1) -> None:
         super().__init__(link, protocol)
         self._port = _Port(link, self._transmit_bytes, self._discard_input)
-        self._handlers: dict[int, _Handler] = {}
+        self._handlers: dict[int, _PacketHandler] = {}
 
     def send(self, data: bytes) -> None:
         """Send one or more packets without an answer. Raises LinkGone."""
@@ -240,7 +240,7 @@ class SdkBus(ServoBus):
         plain = packet.sync_read_packet(address, reads[0][1], [device for device, _ in reads])
         return list(self.ask_group(plain, reads, prefix, meanwhile))
 
-    def _begin(self, handler: _Handler, prefix: bytes, request: bytes, expected: int, allowance: float) -> float:
+    def _begin(self, handler: _PacketHandler, prefix: bytes, request: bytes, expected: int, allowance: float) -> float:
         """Send; return when the last of the `expected` bytes of the answer would be in without any delay."""
         self.send(prefix)
         handler.transmit(self._port, request)
@@ -260,7 +260,7 @@ class SdkBus(ServoBus):
             self._collect_overdue()
         self.link.discard()
 
-    def _handler(self, protocol: int) -> _Handler:
+    def _handler(self, protocol: int) -> _PacketHandler:
         """Return the handler of a protocol."""
         handler = self._handlers.get(protocol)
         if handler is None:
@@ -268,15 +268,15 @@ class SdkBus(ServoBus):
         return handler
 
 
-def _load_handler(protocol: int) -> _Handler:
+def _load_handler(protocol: int) -> _PacketHandler:
     """Import the package for a protocol."""
     if protocol == FEETECH:
         import scservo_sdk  # type: ignore[import-untyped]
 
-        return _Handler("feetech-servo-sdk", protocol, scservo_sdk.PacketHandler(0))
+        return _PacketHandler("feetech-servo-sdk", protocol, scservo_sdk.PacketHandler(0))
     import dynamixel_sdk  # type: ignore[import-untyped]
 
-    return _Handler("dynamixel-sdk", protocol, dynamixel_sdk.PacketHandler(float(protocol)))
+    return _PacketHandler("dynamixel-sdk", protocol, dynamixel_sdk.PacketHandler(float(protocol)))
 
 
 def split_packets(data: bytes) -> Iterator[bytes]:

@@ -83,7 +83,7 @@ def test_several_drives_and_what_is_none(monkeypatch: pytest.MonkeyPatch) -> Non
     third._node.object_dictionary[0x1000].default = 0x00000191
     rig = Rig(Drive(5), other, third).attach()
     assert [info.id for found in rig.news if isinstance(found, m.Found) for info in found.devices] == [5, 9]
-    (problem,) = rig.take(m.Happened)
+    (problem,) = rig.take(m.DeviceReport)
     assert "node 20 is no drive after CiA 402 (device type 0x00000191)" in problem.value
 
 
@@ -203,7 +203,7 @@ def test_a_fault_is_told_and_reset_without_moving(rig: Rig) -> None:
     rig.drive.fault(0x2310)
     rig.run(0.1)
     assert rig.values()["status"] & 0x4F == 0x08
-    assert rig.take(m.Happened) == [m.Happened(5, "emergency", (0x2310, 1))]
+    assert rig.take(m.DeviceReport) == [m.DeviceReport(5, "emergency", (0x2310, 1))]
     assert rig.ask("enable") == m.Reply(7, False, None, "drive 5 stays in fault")
     rig.run(3.0)
     reply = rig.ask("reset")

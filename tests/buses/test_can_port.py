@@ -15,15 +15,15 @@ import can
 import pytest
 
 from urbihw import buses
-from urbihw.buses.can.frame import Frame
+from urbihw.buses.can.frame import CanFrame
 from urbihw.buses.can.port import CanPort, can_port
 from urbihw.buses.can.slcan import SlcanText
-from urbihw.buses.clock import SimClock
+from urbihw.buses.clock import BusSimClock
 from urbihw.buses.errors import BadUrl, BusTimeout, LinkGone, Unavailable
 from urbihw.buses.link import Context, Url
 from urbihw.buses.pipe import PipeEnd
 
-HELLO = Frame(0x413, bytes.fromhex("014C004E00000000"))
+HELLO = CanFrame(0x413, bytes.fromhex("014C004E00000000"))
 GROUP, PORT = "239.74.163.2", 43197
 
 
@@ -73,12 +73,12 @@ def soon(port: CanPort) -> float:
 # ---------------------------------------------------------------- what they have in common
 
 
-def _virtual(stack: ExitStack) -> tuple[str, Callable[[Frame], None], Callable[[], Frame]]:
+def _virtual(stack: ExitStack) -> tuple[str, Callable[[CanFrame], None], Callable[[], CanFrame]]:
     far = stack.enter_context(can.Bus("a test", "virtual"))
     return "can://virtual/a test", *_bus_end(far)
 
 
-def _multicast(stack: ExitStack) -> tuple[str, Callable[[Frame], None], Callable[[], Frame]]:
+def _multicast(stack: ExitStack) -> tuple[str, Callable[[CanFrame], None], Callable[[], CanFrame]]:
     try:
         far = stack.enter_context(can.Bus(GROUP, "udp_multicast", port=PORT, hop_limit=0))
     except (can.CanError, OSError) as error:
@@ -86,25 +86,25 @@ def _multicast(stack: ExitStack) -> tuple[str, Callable[[Frame], None], Callable
     return f"can://udp_multicast/{GROUP}?port={PORT}&hop_limit=0", *_bus_end(far)
 
 
-def _bus_end(far: can.BusABC) -> tuple[Callable[[Frame], None], Callable[[], Frame]]:
-    def say(frame: Frame) -> None:
+def _bus_end(far: can.BusABC) -> tuple[Callable[[CanFrame], None], Callable[[], CanFrame]]:
+    def say(frame: CanFrame) -> None:
         far.send(can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=False))
 
-    def hear() -> Frame:
+    def hear() -> CanFrame:
         message = far.recv(5.0)
         assert message is not None
-        return Frame(message.arbitration_id, bytes(message.data))
+        return CanFrame(message.arbitration_id, bytes(message.data))
 
     return say, hear
 
 
-def _slcan(stack: ExitStack) -> tuple[str, Callable[[Frame], None], Callable[[], Frame]]:
+def _slcan(stack: ExitStack) -> tuple[str, Callable[[CanFrame], None], Callable[[], CanFrame]]:
     made = Adapter()
     stack.callback(made.unplug)
     text = SlcanText()
-    waiting: list[Frame] = []
+    waiting: list[CanFrame] = []
 
-    def hear() -> Frame:
+    def hear() -> CanFrame:
         while not waiting:
             waiting.extend(text.feed(made.heard()))
         return waiting.pop(0)
@@ -113,30 +113,30 @@ def _slcan(stack: ExitStack) -> tuple[str, Callable[[Frame], None], Callable[[],
 
 
 @pytest.fixture(params=[_virtual, _multicast, _slcan], ids=["virtual", "udp_multicast", "slcan"])
-def far(request: pytest.FixtureRequest) -> Iterator[tuple[str, Callable[[Frame], None], Callable[[], Frame]]]:
+def far(request: pytest.FixtureRequest) -> Iterator[tuple[str, Callable[[CanFrame], None], Callable[[], CanFrame]]]:
     with ExitStack() as stack:
         yield request.param(stack)
 
 
-def test_frames_pass_both_ways(far: tuple[str, Callable[[Frame], None], Callable[[], Frame]]) -> None:
+def test_frames_pass_both_ways(far: tuple[str, Callable[[CanFrame], None], Callable[[], CanFrame]]) -> None:
     url, say, hear = far
     with opened(url) as port:
-        say(Frame(0x401, b""))
+        say(CanFrame(0x401, b""))
         say(HELLO)
-        got: list[Frame] = []
+        got: list[CanFrame] = []
         while len(got) < 2:
             got += port.receive(10, soon(port))
-        assert got == [Frame(0x401, b""), HELLO]
+        assert got == [CanFrame(0x401, b""), HELLO]
         assert port.bytes_read == sum(frame.wire_bytes for frame in got)
-        port.send(Frame(0x412, bytes(8)))
+        port.send(CanFrame(0x412, bytes(8)))
         frame = hear()
         while frame.id != 0x412:  # multicast brings its own frames back
             frame = hear()
-        assert frame == Frame(0x412, bytes(8))
+        assert frame == CanFrame(0x412, bytes(8))
         assert port.bytes_written == frame.wire_bytes
 
 
-def test_nothing_comes_until_the_deadline(far: tuple[str, Callable[[Frame], None], Callable[[], Frame]]) -> None:
+def test_nothing_comes_until_the_deadline(far: tuple[str, Callable[[CanFrame], None], Callable[[], CanFrame]]) -> None:
     with opened(far[0]) as port:
         deadline = port.clock.now() + 0.01
         assert port.receive(10, deadline) == []
@@ -144,11 +144,11 @@ def test_nothing_comes_until_the_deadline(far: tuple[str, Callable[[Frame], None
         assert port.receive(10, 0.0) == []
 
 
-def test_no_more_than_asked_for_is_taken(far: tuple[str, Callable[[Frame], None], Callable[[], Frame]]) -> None:
+def test_no_more_than_asked_for_is_taken(far: tuple[str, Callable[[CanFrame], None], Callable[[], CanFrame]]) -> None:
     url, say, _ = far
     with opened(url) as port:
         for number in range(5):
-            say(Frame(number, b""))
+            say(CanFrame(number, b""))
         got = port.receive(2, soon(port))
         assert len(got) <= 2
         while len(got) < 5:
@@ -157,7 +157,7 @@ def test_no_more_than_asked_for_is_taken(far: tuple[str, Callable[[Frame], None]
 
 
 def test_closing_twice_is_fine_and_use_after_it_is_an_error(
-    far: tuple[str, Callable[[Frame], None], Callable[[], Frame]]
+    far: tuple[str, Callable[[CanFrame], None], Callable[[], CanFrame]]
 ) -> None:
     port = opened(far[0])
     port.close()
@@ -171,17 +171,17 @@ def test_closing_twice_is_fine_and_use_after_it_is_an_error(
 
 
 def test_a_bus_in_memory_takes_simulated_time_only() -> None:
-    clock = SimClock(5.0)
+    clock = BusSimClock(5.0)
     heard: list[bytes] = []
     end = PipeEnd(lambda data, at: heard.append(data))
     record = struct.pack("=IB3x8s", 0x401, 2, b"\x01\x02")
     with can_port(buses.open("can://pipe/x", Context(clock, {"x": end}))) as port:
         end.send(record * 2 + record[:7], 5.5)
         assert port.receive(10, 5.4) == []
-        assert port.receive(10, 6.0) == [Frame(0x401, b"\x01\x02")] * 2
+        assert port.receive(10, 6.0) == [CanFrame(0x401, b"\x01\x02")] * 2
         assert clock.now() == 5.5
         end.send(record[7:], 5.6)
-        assert port.receive(10, 6.0) == [Frame(0x401, b"\x01\x02")]
+        assert port.receive(10, 6.0) == [CanFrame(0x401, b"\x01\x02")]
         port.send(HELLO)
         assert heard == [struct.pack("=IB3x8s", 0x413, 8, HELLO.data)]
         end.unplug()
@@ -203,7 +203,7 @@ def test_frames_of_other_kinds_are_left_out() -> None:
         other.send(can.Message(arbitration_id=0x401, is_extended_id=False, is_error_frame=True))
         other.send(can.Message(arbitration_id=0x401, is_extended_id=False, is_fd=True, data=bytes(12)))
         other.send(can.Message(arbitration_id=0x402, is_extended_id=False, data=b"1"))
-        assert port.receive(10, soon(port)) == [Frame(0x402, b"1")]
+        assert port.receive(10, soon(port)) == [CanFrame(0x402, b"1")]
 
 
 def test_datagrams_that_are_no_frames_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -215,7 +215,7 @@ def test_datagrams_that_are_no_frames_are_counted(monkeypatch: pytest.MonkeyPatc
             for junk in (b"", b"hello", b"\x81\xa1x\x01", b"\xc1" * 4000, b"\x80"):
                 stranger.sendto(junk, (GROUP, PORT))
         say(HELLO)
-        got: list[Frame] = []
+        got: list[CanFrame] = []
         while not got:
             got += port.receive(100, soon(port))
         assert got == [HELLO]
@@ -225,10 +225,10 @@ def test_datagrams_that_are_no_frames_are_counted(monkeypatch: pytest.MonkeyPatc
 def test_text_that_is_no_frame_is_counted(adapter: Adapter) -> None:
     with opened(adapter.url) as port:
         adapter.say(b"\r\a?\xff\xfe\rt40\rt4019\rt40128\rt9990\rtGGG0\rT000004010\rz\rt4010\r")
-        got: list[Frame] = []
+        got: list[CanFrame] = []
         while not got:
             got += port.receive(10, soon(port))
-        assert got == [Frame(0x401, b"")]
+        assert got == [CanFrame(0x401, b"")]
         assert port.damaged == 6
 
 
@@ -237,15 +237,15 @@ def test_an_endless_line_does_not_fill_the_memory() -> None:
     for _ in range(1000):
         assert text.feed(b"t" * 1000) == []
     assert text.pop_damaged_count() == 1000
-    assert text.feed(b"\rt4010\r") == [Frame(0x401, b"")]
+    assert text.feed(b"\rt4010\r") == [CanFrame(0x401, b"")]
 
 
 def test_text_in_pieces() -> None:
     text = SlcanText()
     assert text.feed(b"t401") == []
     assert text.feed(b"2AB") == []
-    assert text.feed(b"CD\rt4") == [Frame(0x401, b"\xab\xcd")]
-    assert text.feed(b"010\r") == [Frame(0x401, b"")]
+    assert text.feed(b"CD\rt4") == [CanFrame(0x401, b"\xab\xcd")]
+    assert text.feed(b"010\r") == [CanFrame(0x401, b"")]
 
 
 # ---------------------------------------------------------------- what goes wrong

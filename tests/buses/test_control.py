@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from urbihw.buses import messages as m
-from urbihw.buses.clock import RealClock
+from urbihw.buses.clock import BusRealClock
 from urbihw.buses.control import MAX_CLIENTS, MAX_LINE_BYTES, MAX_QUEUED_LINES, REST_S, ControlSocket
 from urbihw.buses.driver import driver_of
 from urbihw.buses.engine import Engine
@@ -251,7 +251,7 @@ class Desk:
     def __init__(self, path: Path) -> None:
         self.now = 0.0
         self.control = ControlSocket(path, lambda: self.now)
-        self._clock = RealClock()
+        self._clock = BusRealClock()
 
     def serve(self) -> list[tuple[str, str]]:
         """Answer all that has come: verbs, and who asked."""

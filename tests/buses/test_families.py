@@ -10,9 +10,9 @@ import pytest
 from urbihw.buses.messages import Configure, Found, Reply, Request, Targets, Watch
 from urbihw.buses.servos import tables
 from urbihw.buses.servos.cycle import Cycle
-from urbihw.buses.servos.device import Device
+from urbihw.buses.servos.device import ServoDevice
 from urbihw.buses.servos.driver import ServoDriver
-from urbihw.buses.servos.item import Motion
+from urbihw.buses.servos.item import ShaftMotion
 from urbihw.buses.servos.scan import scan
 from urbihw.buses.servos.stop import safe_stop, stop_what_moves
 from urbihw_fakes.bioloid import Bioloid
@@ -149,7 +149,7 @@ def test_what_turns_stands_after_a_stop(
         unit.registers.put(name, value)
     cycle = start(rig)
     found = cycle.members[7].device.mode
-    assert found is not None and (found.name, found.effector, found.motion) == (mode, effector, Motion.RATE)
+    assert found is not None and (found.name, found.effector, found.motion) == (mode, effector, ShaftMotion.RATE)
     cycle.set_target(7, "torque_enable", 1)
     run(rig, cycle, 0.05)
     for raw, sign in ((ccw, 1), (cw, -1)):
@@ -340,9 +340,9 @@ def test_a_known_register_has_no_second_way_by_place(make_rig: MakeRig) -> None:
 
 
 def test_a_device_that_has_not_told_its_model_has_no_table() -> None:
-    silent = Device(5, 0, 0, 1)
+    silent = ServoDevice(5, 0, 0, 1)
     assert silent.table is None
-    assert Device(5, 4711, 0, 2).table is tables.generic_table(2)
+    assert ServoDevice(5, 4711, 0, 2).table is tables.generic_table(2)
 
 
 def test_the_fast_speeds_of_the_large_servos(make_rig: MakeRig) -> None:

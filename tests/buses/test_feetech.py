@@ -9,9 +9,9 @@ import pytest
 from urbihw.buses.errors import BadValue
 from urbihw.buses.servos import packet, tables, units
 from urbihw.buses.servos.cycle import Cycle
-from urbihw.buses.servos.device import Device
+from urbihw.buses.servos.device import ServoDevice
 from urbihw.buses.servos.eeprom import write_register
-from urbihw.buses.servos.item import Table
+from urbihw.buses.servos.item import ControlTable
 from urbihw.buses.servos.scan import scan
 from urbihw.buses.servos.status import FEETECH, Status, state_words
 from urbihw.buses.servos.stop import safe_stop, stop_what_moves
@@ -57,7 +57,7 @@ def _torque(rig: Rig) -> None:
 # Packets and tables against documented bytes.
 
 
-def _write(device: int, table: Table, **values: int) -> bytes:
+def _write(device: int, table: ControlTable, **values: int) -> bytes:
     items = [table.item(name) for name in values]
     data = b"".join(item.pack(values[item.name]) for item in items)
     return packet.write_packet(FEETECH, device, items[0].address, data)
@@ -268,7 +268,7 @@ def test_an_alarm_is_a_state_and_the_data_is_good(feetech: Callable[..., Rig]) -
 # EEPROM.
 
 
-def _device(rig: Rig, number: int) -> Device:
+def _device(rig: Rig, number: int) -> ServoDevice:
     return next(device for device in scan(rig.bus("auto")).devices if device.id == number)
 
 

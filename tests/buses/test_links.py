@@ -18,7 +18,7 @@ import pytest
 import serial
 
 from urbihw import buses
-from urbihw.buses.clock import RealClock, SimClock
+from urbihw.buses.clock import BusRealClock, BusSimClock
 from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
 from urbihw.buses.link import Context, Link, Url, split_parameters
 from urbihw.buses.pipe import PipeEnd
@@ -69,7 +69,7 @@ def _tcp(stack: ExitStack) -> Peer:
 
 
 def _pipe(_: ExitStack) -> Peer:
-    clock = SimClock()
+    clock = BusSimClock()
     got = bytearray()
     end = PipeEnd(lambda data, at: got.extend(data))
 
@@ -354,7 +354,7 @@ def test_no_such_pipe() -> None:
 
 def test_spy_prints_hex_and_times() -> None:
     output = io.StringIO()
-    clock = SimClock(5.0)
+    clock = BusSimClock(5.0)
     end = PipeEnd()
     spy = SpyLink(Url.parse("spy://pipe://x?baud=1000"), Context(clock, {"x": end}), output)
     with spy:
@@ -367,7 +367,7 @@ def test_spy_prints_hex_and_times() -> None:
 
 def test_pipe_takes_wire_time() -> None:
     arrived: list[float] = []
-    clock = SimClock()
+    clock = BusSimClock()
     end = PipeEnd(lambda data, at: arrived.append(at))
     with buses.open_link("pipe://x?baud=1000", Context(clock, {"x": end})) as link:
         link.write(b"ab")
@@ -376,7 +376,7 @@ def test_pipe_takes_wire_time() -> None:
 
 
 def test_real_clock_does_not_sleep_into_the_past() -> None:
-    clock = RealClock()
+    clock = BusRealClock()
     start = clock.now()
     clock.sleep_until(start - 1.0)
     clock.sleep_until(start + 0.002)
@@ -397,5 +397,5 @@ class Babbler(Link):
 
 
 def test_what_babbles_without_end_is_discarded_in_part() -> None:
-    with Babbler(Url.parse("pipe://babbler"), Context(SimClock())) as link:
+    with Babbler(Url.parse("pipe://babbler"), Context(BusSimClock())) as link:
         assert link.discard() == 65536

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from urbihw.buses.clock import SimClock
+from urbihw.buses.clock import BusSimClock
 from urbihw.buses.errors import BadValue, LinkGone, Unavailable
 from urbihw.buses.link import Context, Link, Url
 from urbihw.buses.pipe import PipeEnd, PipeLink
-from urbihw.buses.qi.endpoints import Place
+from urbihw.buses.qi.endpoints import ServicePlace
 from urbihw.buses.qi.login import Login
 from urbihw.buses.qi.wire_session import MOST_CONNECTIONS, RETRY_S, WireSession
 from urbihw_fakes.nao.device import Nao
@@ -44,7 +44,7 @@ class Rig:
     def __init__(
         self, *endpoints: str, user: str = "", names: tuple[str, ...] = ("Compass",), other_hosts: bool = False
     ) -> None:
-        self.clock = SimClock(100.0)
+        self.clock = BusSimClock(100.0)
         self.opened: list[str] = []
         self.ends: dict[str, PipeEnd] = {}
         self.links: list[Link] = []
@@ -216,9 +216,9 @@ def test_the_loss_of_the_directory_is_the_loss_of_the_session(rig: Rig) -> None:
         rig.session.poll()
 
 
-def place(*endpoints: str, process: int = 1, machine: str = "m") -> Place:
+def place(*endpoints: str, process: int = 1, machine: str = "m") -> ServicePlace:
     """A place with these end points."""
-    return Place("X", 5, machine, process, endpoints)
+    return ServicePlace("X", 5, machine, process, endpoints)
 
 
 def test_which_services_are_with_the_directory() -> None:

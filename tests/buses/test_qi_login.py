@@ -9,14 +9,14 @@ from typing import Any
 
 import pytest
 
-from urbihw.buses.clock import SimClock
+from urbihw.buses.clock import BusSimClock
 from urbihw.buses.errors import Unavailable
 from urbihw.buses.link import Context, Url
 from urbihw.buses.pipe import PipeEnd, PipeLink
 from urbihw.buses.qi import frames as f
 from urbihw.buses.qi.login import AUTH_CONTINUE, AUTH_DONE, AUTH_ERROR, AUTH_STATE, NEW_TOKEN, Login
 from urbihw.buses.qi.opening import open_session
-from urbihw.buses.qi.session import Session
+from urbihw.buses.qi.session import QiSession
 from urbihw.buses.qi.values import decode, encode
 
 
@@ -26,11 +26,11 @@ class Stranger:
     def __init__(self, answer: Callable[[bytes], bytes]) -> None:
         self.received = b""
         self._answer = answer
-        self._clock = SimClock(100.0)
+        self._clock = BusSimClock(100.0)
         self.end = PipeEnd(self._receive)
         self._link = PipeLink(Url.parse("pipe://nao?baud=100000000"), Context(self._clock, {"nao": self.end}))
         self._link.open()
-        self.session: Session = open_session(self._link)
+        self.session: QiSession = open_session(self._link)
 
     def _receive(self, data: bytes, at: float) -> None:
         self.received += data
@@ -89,10 +89,10 @@ def door(rows: list[dict[str, Any]], sent: list[dict[str, Any]]) -> Callable[[by
     """A server of QiMessaging that answers logins with these maps, one after the other."""
 
     def answer(data: bytes) -> bytes:
-        (message,) = f.Framer().feed(data)
+        (message,) = f.QiFramer().feed(data)
         sent.append(decode("{sm}", message.payload))
         row = rows[min(len(sent), len(rows)) - 1]
-        return bytes(f.Message(f.REPLY, message.id, 0, 0, message.action, encode("{sm}", row)))
+        return bytes(f.QiMessage(f.REPLY, message.id, 0, 0, message.action, encode("{sm}", row)))
 
     return answer
 
@@ -115,9 +115,9 @@ def test_a_refused_login_names_the_options_and_no_password() -> None:
 
 def test_a_login_that_is_answered_by_an_error() -> None:
     def answer(data: bytes) -> bytes:
-        (message,) = f.Framer().feed(data)
+        (message,) = f.QiFramer().feed(data)
         reason = encode("m", "no such user\n\n at auth.cpp:7")
-        return bytes(f.Message(f.ERROR, message.id, 0, 0, message.action, reason))
+        return bytes(f.QiMessage(f.ERROR, message.id, 0, 0, message.action, reason))
 
     assert Stranger(answer).refuse(Login("nao", "secret")).endswith("options.user, options.password (no such user)")
     assert Stranger(answer).refuse().endswith("the login failed (no such user)")

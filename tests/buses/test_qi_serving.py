@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from urbihw.buses.errors import BadFrame, BadValue, Unavailable
-from urbihw.buses.listening import IDLE_S, MOST_UNREAD, MOST_VISITORS, Listener
+from urbihw.buses.listening import IDLE_S, MOST_UNREAD, MOST_VISITORS, BusListener
 from urbihw.buses.qi import frames as f
 from urbihw.buses.qi.call_limits import (
     CALL_BURST,
@@ -40,7 +40,7 @@ from urbihw.buses.qi.visitors import LARGEST, LARGEST_LOGIN, LOGIN_TIMEOUT_S, Qi
 NUMBER = 7
 """The service."""
 ADD, WAIT, BROKEN, ODD, UNKNOWN = range(100, 105)
-LOGIN = f.Message(f.CALL, 1, 0, 0, 8, encode("{sm}", {}))
+LOGIN = f.QiMessage(f.CALL, 1, 0, 0, 8, encode("{sm}", {}))
 
 
 class Bench:
@@ -87,24 +87,24 @@ def bench() -> Bench:
     return Bench()
 
 
-def call(number: int, action: int, payload: bytes = b"", kind: int = f.CALL, **fields: Any) -> f.Message:
+def call(number: int, action: int, payload: bytes = b"", kind: int = f.CALL, **fields: Any) -> f.QiMessage:
     """A message to the object."""
-    return f.Message(kind, number, fields.get("service", NUMBER), fields.get("object", 1), action, payload,
-                     fields.get("flags", 0))  # fmt: skip
+    return f.QiMessage(kind, number, fields.get("service", NUMBER), fields.get("object", 1), action, payload,
+                       fields.get("flags", 0))  # fmt: skip
 
 
-def told(visitor: QiVisitor, *messages: f.Message | bytes) -> list[tuple[int, int, Any]]:
+def told(visitor: QiVisitor, *messages: f.QiMessage | bytes) -> list[tuple[int, int, Any]]:
     """What is answered to these: kind, number, and value."""
     for message in messages:
         visitor.receive(bytes(message))
     while visitor.work(64):
         pass
-    answers = f.Framer().feed(bytes(visitor.out))
+    answers = f.QiFramer().feed(bytes(visitor.out))
     visitor.out.clear()
     return [(each.type, each.id, _value(each)) for each in answers]
 
 
-def _value(message: f.Message) -> Any:
+def _value(message: f.QiMessage) -> Any:
     signature = "{sm}" if message.service == 0 else META_OBJECT if message.action == 2 else "m"
     return decode(signature, message.payload) if message.payload else None
 
@@ -139,7 +139,7 @@ def test_the_description(bench: Bench) -> None:
         (call(5, ADD, encode("m", 3), flags=f.DYNAMIC), "mathematics.add: the arguments are no list"),
     ],
 )
-def test_an_error_is_one_line(bench: Bench, message: f.Message, error: str) -> None:
+def test_an_error_is_one_line(bench: Bench, message: f.QiMessage, error: str) -> None:
     answers = told(bench.guest(), message)
     assert [(kind, number) for kind, number, _ in answers] == [(f.ERROR, 5)]
     assert answers[0][2] == error
@@ -246,7 +246,7 @@ def test_the_worst_arguments_cost_little(bench: Bench) -> None:
     assert kind == f.ERROR and "more than 2048 elements" in text
     # Nobody may send one with the login either.
     words = encode("I", 1) + encode("s", "k") + bomb[:3000]
-    ((_, _, answer),) = told(bench.visitor(Login("nao", "secret")), f.Message(f.CALL, 1, 0, 0, 8, words))
+    ((_, _, answer),) = told(bench.visitor(Login("nao", "secret")), f.QiMessage(f.CALL, 1, 0, 0, 8, words))
     assert answer["__qi_auth_state"] == 1
 
 
@@ -286,7 +286,7 @@ def test_nobody_calls_before_the_login(bench: Bench) -> None:
 )
 def test_a_wrong_password_is_refused(bench: Bench, words: dict[str, Any]) -> None:
     visitor = bench.visitor(Login("nao", "secret"))
-    ((_, _, answer),) = told(visitor, f.Message(f.CALL, 1, 0, 0, 8, encode("{sm}", words)))
+    ((_, _, answer),) = told(visitor, f.QiMessage(f.CALL, 1, 0, 0, 8, encode("{sm}", words)))
     assert answer == {"__qi_auth_state": 1, "__qi_auth_err_reason": "user or password is wrong"}
     assert visitor.closing
     assert told(visitor, call(5, ADD, encode("(mm)", (2, 3)))) == []
@@ -295,7 +295,7 @@ def test_a_wrong_password_is_refused(bench: Bench, words: dict[str, Any]) -> Non
 def test_the_right_password_lets_in(bench: Bench) -> None:
     visitor = bench.visitor(Login("nao", "sécret"))
     words = {"auth_user": "nao", "auth_token": "sécret", "ClientServerSocket": True}
-    ((_, _, answer),) = told(visitor, f.Message(f.CALL, 1, 0, 0, 8, encode("{sm}", words)))
+    ((_, _, answer),) = told(visitor, f.QiMessage(f.CALL, 1, 0, 0, 8, encode("{sm}", words)))
     assert answer == {"__qi_auth_state": 3}
 
 
@@ -303,7 +303,7 @@ def log_in(bench: Bench, token: str, address: str = "192.0.2.1") -> str:
     """Try once; return why not, "" for success."""
     words = {"auth_user": "nao", "auth_token": token}
     visitor = bench.visitor(Login("nao", "secret"), address)
-    ((_, _, answer),) = told(visitor, f.Message(f.CALL, 1, 0, 0, 8, encode("{sm}", words)))
+    ((_, _, answer),) = told(visitor, f.QiMessage(f.CALL, 1, 0, 0, 8, encode("{sm}", words)))
     assert visitor.closing == ("__qi_auth_err_reason" in answer)
     return str(answer.get("__qi_auth_err_reason", ""))
 
@@ -340,14 +340,14 @@ def test_strangers_are_dismissed(bench: Bench, data: bytes) -> None:
 
 def test_sizes_are_bounded(bench: Bench) -> None:
     visitor = bench.visitor()
-    told(visitor, f.Message(f.CALL, 1, 0, 0, 8, bytes(LARGEST_LOGIN + 1)))
+    told(visitor, f.QiMessage(f.CALL, 1, 0, 0, 8, bytes(LARGEST_LOGIN + 1)))
     assert visitor.closing
     guest = bench.guest()
     head = bytes(call(5, ADD, bytes(LARGEST + 1)))[: f.HEADER.size]
     told(guest, head)
     assert guest.closing
     with pytest.raises(BadFrame):
-        f.Framer(4).feed(bytes(call(1, 2, b"12345")))
+        f.QiFramer(4).feed(bytes(call(1, 2, b"12345")))
 
 
 def test_one_who_does_not_read_is_dismissed(bench: Bench) -> None:
@@ -363,21 +363,21 @@ def test_one_who_does_not_read_is_dismissed(bench: Bench) -> None:
 
 
 @pytest.fixture
-def listener(bench: Bench) -> Iterator[Listener]:
+def listener(bench: Bench) -> Iterator[BusListener]:
     """On a free port of loopback."""
-    made = Listener("127.0.0.1", 0, lambda now, address: QiVisitor(bench.server, now, address, bench.guard))
+    made = BusListener("127.0.0.1", 0, lambda now, address: QiVisitor(bench.server, now, address, bench.guard))
     yield made
     made.close()
 
 
-def connect(listener: Listener) -> socket.socket:
+def connect(listener: BusListener) -> socket.socket:
     """A client."""
     made = socket.create_connection((listener.host, listener.port), timeout=5)
     made.setblocking(False)
     return made
 
 
-def poll_until(listener: Listener, done: Callable[[], Any], now: float = 0.0) -> Any:
+def poll_until(listener: BusListener, done: Callable[[], Any], now: float = 0.0) -> Any:
     """Look at the end point until something is there."""
     for _ in range(2000):
         listener.poll(now)
@@ -396,17 +396,17 @@ def read(client: socket.socket, size: int = 65536) -> bytes | None:
         return b"closed"
 
 
-def test_the_end_point_answers(listener: Listener) -> None:
+def test_the_end_point_answers(listener: BusListener) -> None:
     with connect(listener) as client:
         client.sendall(bytes(LOGIN))
-        (answer,) = f.Framer().feed(poll_until(listener, lambda: read(client)))
+        (answer,) = f.QiFramer().feed(poll_until(listener, lambda: read(client)))
         assert decode("{sm}", answer.payload) == {"__qi_auth_state": 3}
         client.sendall(bytes(call(2, ADD, encode("(mm)", ("a", "b")))))
-        (answer,) = f.Framer().feed(poll_until(listener, lambda: read(client)))
+        (answer,) = f.QiFramer().feed(poll_until(listener, lambda: read(client)))
         assert decode("m", answer.payload) == "ab"
 
 
-def test_one_who_is_silent_is_dismissed(listener: Listener) -> None:
+def test_one_who_is_silent_is_dismissed(listener: BusListener) -> None:
     with connect(listener) as client:
         listener.poll(0.0)
         listener.poll(LOGIN_TIMEOUT_S)
@@ -414,7 +414,7 @@ def test_one_who_is_silent_is_dismissed(listener: Listener) -> None:
         assert poll_until(listener, lambda: read(client), LOGIN_TIMEOUT_S + 1) == b"closed"
 
 
-def test_a_crowd_is_bounded(listener: Listener, bench: Bench) -> None:
+def test_a_crowd_is_bounded(listener: BusListener, bench: Bench) -> None:
     crowd = [connect(listener) for _ in range(MOST_VISITORS)]
     for client in crowd:
         client.sendall(bytes(LOGIN))
@@ -430,7 +430,7 @@ def test_a_crowd_is_bounded(listener: Listener, bench: Bench) -> None:
         client.close()
 
 
-def test_the_one_that_was_silent_longest_gives_its_place(listener: Listener) -> None:
+def test_the_one_that_was_silent_longest_gives_its_place(listener: BusListener) -> None:
     crowd = [connect(listener) for _ in range(MOST_VISITORS)]
     for client in crowd:
         client.sendall(bytes(LOGIN))
@@ -450,7 +450,7 @@ def test_the_one_that_was_silent_longest_gives_its_place(listener: Listener) -> 
         client.close()
 
 
-def test_a_flood_takes_its_share_of_a_look(listener: Listener, bench: Bench) -> None:
+def test_a_flood_takes_its_share_of_a_look(listener: BusListener, bench: Bench) -> None:
     with connect(listener) as loud, connect(listener) as quiet:
         for client in (loud, quiet):
             client.sendall(bytes(LOGIN))
@@ -465,13 +465,15 @@ def test_a_flood_takes_its_share_of_a_look(listener: Listener, bench: Bench) -> 
             assert looks < 20
 
 
-def test_a_closed_connection_cancels_its_calls(listener: Listener, bench: Bench) -> None:
+def test_a_closed_connection_cancels_its_calls(listener: BusListener, bench: Bench) -> None:
     with connect(listener) as client:
         client.sendall(bytes(LOGIN) + bytes(call(2, WAIT)))
         poll_until(listener, lambda: bench.waiting)
     poll_until(listener, lambda: bench.cancelled)
 
 
-def test_a_port_that_is_taken(listener: Listener, bench: Bench) -> None:
+def test_a_port_that_is_taken(listener: BusListener, bench: Bench) -> None:
     with pytest.raises(Unavailable, match=rf"cannot listen on 127.0.0.1:{listener.port}: Address already in use"):
-        Listener(listener.host, listener.port, lambda now, address: QiVisitor(bench.server, now, address, bench.guard))
+        BusListener(
+            listener.host, listener.port, lambda now, address: QiVisitor(bench.server, now, address, bench.guard)
+        )

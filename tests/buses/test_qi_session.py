@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from urbihw.buses.clock import SimClock
+from urbihw.buses.clock import BusSimClock
 from urbihw.buses.errors import BadFrame, BadValue, LinkGone, Unavailable
 from urbihw.buses.link import Context, Url
 from urbihw.buses.pipe import PipeEnd, PipeLink
 from urbihw.buses.qi import frames as f
-from urbihw.buses.qi.endpoints import Place
+from urbihw.buses.qi.endpoints import ServicePlace
 from urbihw.buses.qi.login import Login
 from urbihw.buses.qi.metaobject import MetaObject
 from urbihw.buses.qi.opening import open_session
@@ -28,8 +28,8 @@ class Rig:
     def __init__(self, robot: Nao | None = None) -> None:
         self.robot = Nao() if robot is None else robot
         self.robot.reconnect()
-        self.clock = SimClock(100.0)
-        self.sent: list[f.Message] = []
+        self.clock = BusSimClock(100.0)
+        self.sent: list[f.QiMessage] = []
         self.end = PipeEnd(self._receive)
         self.link = PipeLink(Url.parse("pipe://nao?baud=100000000"), Context(self.clock, {"nao": self.end}))
         self.link.open()
@@ -37,7 +37,7 @@ class Rig:
 
     def _receive(self, data: bytes, at: float) -> None:
         # Who does not answer is sent an empty line, in case it is a web server.
-        self.sent += f.Framer().feed(data.removesuffix(b"\r\n\r\n"))
+        self.sent += f.QiFramer().feed(data.removesuffix(b"\r\n\r\n"))
         for answer in self.robot.feed(data, at):
             self.end.send(answer.data, answer.at)
 
@@ -190,7 +190,7 @@ def test_an_answer_that_cannot_be_read_fails_its_call_alone() -> None:
     # The true answer is still on its way, and comes too late.
     rig.end.hang_up()
     rig.end.connection -= 1
-    rig.end.send(bytes(f.Message(f.REPLY, asked.id, asked.service, 1, asked.action, b"\0")), rig.clock.now())
+    rig.end.send(bytes(f.QiMessage(f.REPLY, asked.id, asked.service, 1, asked.action, b"\0")), rig.clock.now())
     rig.run(0.1)
     assert "the answer cannot be read" in call.error
     assert rig.ask("ALBattery", "getBatteryCharge") == 80
@@ -198,7 +198,7 @@ def test_an_answer_that_cannot_be_read_fails_its_call_alone() -> None:
 
 def test_who_calls_us_is_told_that_there_is_nothing() -> None:
     rig = Rig().ready()
-    rig.end.send(bytes(f.Message(f.CALL, 9, 77, 1, 100, encode("(s)", ("x",)))), rig.clock.now())
+    rig.end.send(bytes(f.QiMessage(f.CALL, 9, 77, 1, 100, encode("(s)", ("x",)))), rig.clock.now())
     rig.run(0.1)
     assert (rig.sent[-1].type, rig.sent[-1].id) == (f.ERROR, 9)
 
@@ -212,10 +212,10 @@ def lie(rig: Rig, payload: bytes, action: int | None = None) -> None:
     """From now on the robot answers calls, or those of one action, with this dynamic value."""
 
     def receive(data: bytes, at: float) -> None:
-        for message in f.Framer().feed(data.removesuffix(b"\r\n\r\n")):
+        for message in f.QiFramer().feed(data.removesuffix(b"\r\n\r\n")):
             if message.type == f.CALL and action in (None, message.action):
                 address = message.service, message.object, message.action
-                rig.end.send(bytes(f.Message(f.REPLY, message.id, *address, payload, f.DYNAMIC)), at)
+                rig.end.send(bytes(f.QiMessage(f.REPLY, message.id, *address, payload, f.DYNAMIC)), at)
             else:
                 for answer in rig.robot.feed(bytes(message), at):
                     rig.end.send(answer.data, answer.at)
@@ -255,4 +255,4 @@ def test_members_with_names_or_signatures_that_are_none_are_left_out() -> None:
 @pytest.mark.parametrize("number", [math.inf, math.nan, -5, 1 << 32, 0.5, "1", None])
 def test_places_with_numbers_that_are_none(number: Any) -> None:
     with pytest.raises(BadFrame):
-        Place.from_value(("X", number, "m", 1, ["tcp://127.0.0.1:1"], ""))
+        ServicePlace.from_value(("X", number, "m", 1, ["tcp://127.0.0.1:1"], ""))

@@ -41,16 +41,16 @@ def test_values_have_these_bytes(signature: str, value: Any, data: str) -> None:
 
 def test_the_header_of_authenticate() -> None:
     # Service 0, object 0, action 8, an empty capability map.
-    call = f.Message(f.CALL, 1, 0, 0, 8, encode("{sm}", {}))
+    call = f.QiMessage(f.CALL, 1, 0, 0, 8, encode("{sm}", {}))
     assert bytes(call).hex() == "42dead4201000000040000000000010000000000000000000800000000000000"
-    assert f.Framer().feed(bytes(call)) == [call]
+    assert f.QiFramer().feed(bytes(call)) == [call]
 
 
 def test_messages_come_in_any_pieces() -> None:
-    messages = [f.Message(f.REPLY, number, 2, 1, 100, bytes(number)) for number in range(5)]
+    messages = [f.QiMessage(f.REPLY, number, 2, 1, 100, bytes(number)) for number in range(5)]
     stream = b"".join(map(bytes, messages))
     for size in (1, 7, 28, 1000):
-        framer = f.Framer()
+        framer = f.QiFramer()
         pieces = [stream[at : at + size] for at in range(0, len(stream), size)]
         assert [each for piece in pieces for each in framer.feed(piece)] == messages
 
@@ -58,13 +58,13 @@ def test_messages_come_in_any_pieces() -> None:
 @pytest.mark.parametrize("head", [b"HTTP/1.1 400 Bad Request\r\n\r\n....", b"\x42\xde\xad\x42" + b"\xff" * 24])
 def test_a_header_that_is_none_is_said(head: bytes) -> None:
     with pytest.raises(BadFrame, match=r"no message of QiMessaging"):
-        f.Framer().feed(head)
+        f.QiFramer().feed(head)
 
 
 def test_a_message_of_two_gigabytes_is_not_waited_for() -> None:
     head = f.HEADER.pack(f.MAGIC, 1, 1 << 31, 0, f.REPLY, 0, 1, 1, 100)
     with pytest.raises(BadFrame, match="at most 16777216 are accepted"):
-        f.Framer().feed(head)
+        f.QiFramer().feed(head)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from urbihw.buses.errors import Unavailable
-from urbihw.buses.servos.line import Line
+from urbihw.buses.servos.line import ServoLine
 from urbihw.buses.servos.quiet import check_quiet
 from urbihw.buses.servos.survey import survey
 from urbihw.cli.main import main
@@ -60,7 +60,7 @@ def test_each_tool_says_it_in_one_line(
 ) -> None:
     rig = LineRig([ax(1)])
     talk(rig, 2048, 0.02, 5.0)
-    monkeypatch.setattr(Line, "open", lambda url, baud=None: rig.line)
+    monkeypatch.setattr(ServoLine, "open", lambda url, baud=None: rig.line)
     names = {"URL": "pipe://robot?baud=1000000", "FILE": f"{tmp_path}/robot.toml"}
     assert main([names.get(word, word) for word in words]) == 78
     (line,) = capsys.readouterr().err.splitlines()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from urbihw.buses.servos.findings import cycle_time, findings
-from urbihw.buses.servos.survey import BAUDS, Survey, survey
+from urbihw.buses.servos.survey import BAUDS, ServoSurvey, survey
 from urbihw_fakes.dynamixel.unit import Unit
 from urbihw_fakes.feetech.bus import FeetechBus
 from urbihw_fakes.feetech.servo import FeetechServo
@@ -13,7 +13,7 @@ from urbihw_fakes.feetech.servo import FeetechServo
 from .line_rig import LineRig, ax, xl
 
 
-def where(found: Survey) -> list[tuple[int, int, str]]:
+def where(found: ServoSurvey) -> list[tuple[int, int, str]]:
     return [(servo.baud, servo.device.id, servo.device.name) for servo in found.servos]
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from urbihw.buses.servos import packet, tables, units
-from urbihw.buses.servos.item import Item, Table
+from urbihw.buses.servos.item import ControlTable, Item
 
 # Model number, name, then item: (address, size, default or None).
 Rows = dict[str, tuple[int, int, int | None]]
@@ -229,7 +229,7 @@ SHEETS: dict[int, tuple[str, Rows]] = {
 }
 
 
-def table(model: int) -> Table:
+def table(model: int) -> ControlTable:
     found = tables.table_of(model)
     assert found is not None
     return found

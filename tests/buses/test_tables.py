@@ -12,7 +12,7 @@ import pytest
 
 from urbihw.buses.errors import BadValue
 from urbihw.buses.servos import plan, tables, units
-from urbihw.buses.servos.item import Item, Motion, Table, by_name
+from urbihw.buses.servos.item import ControlTable, Item, ShaftMotion, by_name
 
 AX12, AXS1, XL330, XL430, XM430 = map(tables.table_named, ("AX-12", "AX-S1", "XL330", "XL430", "XM430"))
 
@@ -22,7 +22,7 @@ COARSE = {"buzzer_time"}
 
 
 @EVERY_TABLE
-def test_no_two_items_overlap(table: Table) -> None:
+def test_no_two_items_overlap(table: ControlTable) -> None:
     items = list(table.items.values())
     assert [item.address for item in items] == sorted(item.address for item in items)
     assert all(a.end <= b.address for a, b in zip(items, items[1:], strict=False))
@@ -32,7 +32,7 @@ def test_no_two_items_overlap(table: Table) -> None:
 
 
 @EVERY_TABLE
-def test_rows_of_the_driver_have_their_names(table: Table) -> None:
+def test_rows_of_the_driver_have_their_names(table: ControlTable) -> None:
     if not table.modes:
         return
     for name in ("torque_enable", "goal_position"):
@@ -41,12 +41,12 @@ def test_rows_of_the_driver_have_their_names(table: Table) -> None:
     watchdog = table.items.get("bus_watchdog")
     assert watchdog is None or (watchdog.low, units.from_si(watchdog, 0.5)) == (-1, 25)
     for mode in table.modes:
-        assert mode.motion is Motion.RATE or mode.effector == "goal_position"
-        assert mode.motion is Motion.POSITION or mode.effector.startswith(("goal_", "moving_speed"))
+        assert mode.motion is ShaftMotion.RATE or mode.effector == "goal_position"
+        assert mode.motion is ShaftMotion.POSITION or mode.effector.startswith(("goal_", "moving_speed"))
 
 
 @EVERY_TABLE
-def test_every_item_packs_its_whole_range(table: Table) -> None:
+def test_every_item_packs_its_whole_range(table: ControlTable) -> None:
     for item in table.items.values():
         assert item.access in {"R", "RW"} and item.area in {"E", "R"}
         assert item.default is None or item.low <= item.default <= item.high
@@ -58,7 +58,7 @@ def test_every_item_packs_its_whole_range(table: Table) -> None:
 
 
 @EVERY_TABLE
-def test_every_item_converts_both_ways(table: Table) -> None:
+def test_every_item_converts_both_ways(table: ControlTable) -> None:
     for item in table.items.values():
         for wheel in (False, True):
             if item.unit not in COARSE:
@@ -106,12 +106,12 @@ def test_sign_and_magnitude_and_high_byte_first() -> None:
     assert load.unpack(bytes.fromhex("0464")) == -100
     goal = Item("goal", 42, 2, "RW", "R", 0, 1023, 0, big_endian=True)
     assert goal.pack(0x0123).hex() == "0123"
-    table = Table("T", 1, {1: "T"}, by_name([speed, Item("time", 44, 2, "RW", "R", 0, 1000, 0)]))
+    table = ControlTable("T", 1, {1: "T"}, by_name([speed, Item("time", 44, 2, "RW", "R", 0, 1000, 0)]))
     (block,) = plan.read_blocks(table, ["time", "speed"], 1)
     assert block.unpack(bytes.fromhex("0100e883")) == {"time": 1, "speed": -1000}
     (run,) = plan.write_runs(table, ["time", "speed"])
     assert run.pack({"time": 1, "speed": -1000}).hex() == "0100e883"
-    big = Table("B", 1, {2: "B"}, by_name([goal, Item("time", 44, 2, "RW", "R", 0, 1000, 0, big_endian=True)]))
+    big = ControlTable("B", 1, {2: "B"}, by_name([goal, Item("time", 44, 2, "RW", "R", 0, 1000, 0, big_endian=True)]))
     (block,) = plan.read_blocks(big, ["goal", "time"], 1)
     assert block.unpack(bytes.fromhex("01230004")) == {"goal": 0x0123, "time": 4}
 
@@ -143,7 +143,7 @@ def test_sign_and_magnitude_and_high_byte_first() -> None:
         (XL430, "baud_rate", 3, 1e6, "bit/s"),
     ],
 )
-def test_conversions_of_the_sheet(table: Table, name: str, raw: int, value: float, symbol: str) -> None:
+def test_conversions_of_the_sheet(table: ControlTable, name: str, raw: int, value: float, symbol: str) -> None:
     item = table.item(name)
     assert units.to_si(item, raw) == pytest.approx(value, rel=1e-4)
     assert units.unit_of(item).symbol == symbol
@@ -182,7 +182,7 @@ def test_models() -> None:
         by_name([AX12.item("led")] * 2)
 
 
-def blocks(table: Table, *names: str) -> list[tuple[int, int]]:
+def blocks(table: ControlTable, *names: str) -> list[tuple[int, int]]:
     return [(block.address, block.size) for block in plan.read_blocks(table, names, table.protocol)]
 
 

@@ -12,27 +12,27 @@ import urbihw_fakes
 from urbihw import platforms
 from urbihw.buses.capture import capture_line, read_capture
 from urbihw.buses.errors import BadFrame
-from urbihw.buses.qi.frames import CALL, ERROR, Message
+from urbihw.buses.qi.frames import CALL, ERROR, QiMessage
 from urbihw.buses.servos import packet
-from urbihw.buses.trace import Chunk, Decoder, Direction, Packet
+from urbihw.buses.trace import Chunk, Direction, TraceDecoder, TracedPacket
 
 CAPTURES = Path(urbihw_fakes.__file__).parent / "captures"
 TRACED = [folder.name for folder in platforms.folders() if platforms.read(folder).trace]
 
 
-def decoder(platform: str, devices: tuple[dict[str, object], ...] = ()) -> Decoder:
+def decoder(platform: str, devices: tuple[dict[str, object], ...] = ()) -> TraceDecoder:
     return platforms.load_trace(platforms.find(platform))(devices)
 
 
-def lines(made: Decoder, *pieces: tuple[Direction, str]) -> list[str]:
+def lines(made: TraceDecoder, *pieces: tuple[Direction, str]) -> list[str]:
     """Direction, device, instruction, values, problem of what these bytes decode to, at 1 ms a piece."""
-    found: list[Packet] = []
+    found: list[TracedPacket] = []
     for index, (direction, text) in enumerate(pieces):
         found += made.feed(Chunk(index / 1000, direction, bytes.fromhex(text)))
     return [line(each) for each in found + made.flush()]
 
 
-def line(each: Packet) -> str:
+def line(each: TracedPacket) -> str:
     return " ".join(filter(None, (each.direction, each.device, each.what, each.detail, each.check, each.problem)))
 
 
@@ -135,7 +135,7 @@ def test_spykee_shows_tracks_and_no_password() -> None:
 
 
 def test_qi_shows_heads_only() -> None:
-    call, error = Message(CALL, 7, 1, 1, 100, b"secret"), Message(ERROR, 7, 1, 1, 100, b"no")
+    call, error = QiMessage(CALL, 7, 1, 1, 100, b"secret"), QiMessage(ERROR, 7, 1, 1, 100, b"no")
     made = decoder("nao")
     shown = made.feed(Chunk(0.0, ">", bytes(call))) + made.feed(Chunk(0.1, "<", bytes(error)))
     assert [line(each) for each in shown] == [
@@ -205,7 +205,7 @@ def test_a_packet_may_come_in_pieces() -> None:
 
 
 OTHERS = [
-    bytes(Message(CALL, 7, 1, 1, 100, b"abc")), b"PK\x05\x00\x02\x32\xce",
+    bytes(QiMessage(CALL, 7, 1, 1, 100, b"abc")), b"PK\x05\x00\x02\x32\xce",
     b"PK\x0b\x00\x09\x01\x01a\x01b\x01c\x01d\x00",
     bytes.fromhex("05854B41600037020000"), bytes.fromhex("0185370203"), bytes.fromhex("0085103101"),
 ]  # fmt: skip

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from urbihw.buses import messages as m
-from urbihw.buses.can.frame import Frame
+from urbihw.buses.can.frame import CanFrame
 from urbihw.buses.can.port import CanPort
-from urbihw.buses.clock import SimClock
+from urbihw.buses.clock import BusSimClock
 from urbihw.buses.link import Context, Url
 from urbihw.buses.servos import trace
 from urbihw.buses.trace import Chunk
@@ -79,11 +79,11 @@ def test_what_waits_is_bounded_and_the_loss_is_told(rig: Rig) -> None:
 
 
 def test_frames_of_a_can_bus_are_shown_with_their_identifier() -> None:
-    port = CanPort(Url.parse("can://pipe/robot"), Context(SimClock(0.0)))
+    port = CanPort(Url.parse("can://pipe/robot"), Context(BusSimClock(0.0)))
     seen: list[tuple[str, bytes]] = []
     port.observer = lambda direction, data: seen.append((direction, data))
     port._show("<", [])
-    port._show("<", [Frame(0x413, b"\x01\x02")])
+    port._show("<", [CanFrame(0x413, b"\x01\x02")])
     assert seen == [("<", b"\x04\x13\x01\x02")]
 
 

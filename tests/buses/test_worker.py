@@ -14,7 +14,7 @@ import pytest
 
 from urbihw import buses
 from urbihw.buses import messages as m
-from urbihw.buses.clock import SimClock
+from urbihw.buses.clock import BusSimClock
 from urbihw.buses.driver import driver_of
 from urbihw.buses.engine import Engine
 from urbihw.buses.errors import BadUrl, BadValue, LinkGone
@@ -402,7 +402,7 @@ def test_configure_changes_the_rate(bench: Bench) -> None:
     assert of(m.Statistics, bench.run(3.0))[-1].rate == pytest.approx(50, rel=0.05)
 
 
-class GatedClock(SimClock):
+class GatedClock(BusSimClock):
     """A simulated clock whose sleepers wait until the test lets time go on."""
 
     def __init__(self, start: float) -> None:

@@ -17,7 +17,7 @@ from urbihw.cli import calibrate
 from urbihw.cli.bars import RangeDisplay
 from urbihw.cli.dialogue import Dialogue
 from urbihw.cli.main import main, parser
-from urbihw.cli.servo_verbs import Job
+from urbihw.cli.servo_verbs import VerbJob
 from urbihw_fakes.feetech.bus import FeetechBus
 from urbihw_fakes.feetech.console import commands as feetech_commands
 from urbihw_fakes.feetech.servo import FeetechServo
@@ -30,10 +30,10 @@ class Terminal(io.StringIO):
         return True
 
 
-def job(rig: LineRig, command: str, *steps: tuple[Callable[[], object] | None, str]) -> tuple[Job, io.StringIO]:
+def job(rig: LineRig, command: str, *steps: tuple[Callable[[], object] | None, str]) -> tuple[VerbJob, io.StringIO]:
     options = parser("calibrate").parse_args(["calibrate", *command.replace("URL", "pipe://robot").split()])
     out = io.StringIO()
-    return Job(rig.line, options, Dialogue(Typist(*steps), out)), out
+    return VerbJob(rig.line, options, Dialogue(Typist(*steps), out)), out
 
 
 class Hand:

@@ -15,10 +15,10 @@ from PIL import Image
 
 from urbihw.cli import image, launch, ping, send, sound, urbi
 from urbihw.cli.lobby_client import LobbyClient
-from urbihw.cli.options import Parser, Refused
-from urbihw.cli.pictures import Picture
+from urbihw.cli.options import CliRefused, GetoptParser
+from urbihw.cli.pictures import PictureFile
 from urbihw.cli.reach import resolve_server
-from urbihw.cli.sounds import Sound, wave_file
+from urbihw.cli.sounds import SoundFile, wave_file
 from urbihw.client.lines import Binary
 from urbihw.client.where import Where
 from urbihw.extras import install_command
@@ -248,7 +248,7 @@ def test_images_without_end(monkeypatch: Patch) -> None:
     server = serve(monkeypatch, CAMERA + "disown({ every (1s) { camera.quality += 1 } });")
     with LobbyClient(HERE, NOBODY) as link:
         stream = image.pictures(link, "camera", 500)
-        assert [next(stream) for _ in range(3)] == [Picture("rgb", 2, 1, b"abcdef")] * 3
+        assert [next(stream) for _ in range(3)] == [PictureFile("rgb", 2, 1, b"abcdef")] * 3
         assert server.kernel.clock.now() >= 1.0
 
 
@@ -263,23 +263,23 @@ def test_images_without_end(monkeypatch: Patch) -> None:
     ],
 )
 def test_what_is_no_image(keywords: str, data: bytes, words: str) -> None:
-    with pytest.raises(Refused, match=words):
-        Picture.of(Binary(keywords, data))
+    with pytest.raises(CliRefused, match=words):
+        PictureFile.of(Binary(keywords, data))
 
 
 def test_broken_images_are_not_trusted() -> None:
-    with pytest.raises(Refused, match="the image is broken"):
-        Picture.of(Binary("jpeg 1 1", b"\xff\xd8 nonsense")).decoded()
-    with pytest.raises(Refused, match="too large|broken"):
-        Picture.of(Binary("ppm 1 1", b"P6\n30000 30000\n255\n")).decoded()
+    with pytest.raises(CliRefused, match="the image is broken"):
+        PictureFile.of(Binary("jpeg 1 1", b"\xff\xd8 nonsense")).decoded()
+    with pytest.raises(CliRefused, match="too large|broken"):
+        PictureFile.of(Binary("ppm 1 1", b"P6\n30000 30000\n255\n")).decoded()
 
 
 def test_without_pillow_the_extra_is_named(monkeypatch: Patch, tmp_path: Path) -> None:
     monkeypatch.setitem(sys.modules, "PIL", None)
-    picture = Picture.of(Binary("jpeg 1 1", b"data"))
+    picture = PictureFile.of(Binary("jpeg 1 1", b"data"))
     picture.save(tmp_path / "a.jpg")
     assert (tmp_path / "a.jpg").read_bytes() == b"data"
-    with pytest.raises(Refused, match=re.escape(install_command("images"))):
+    with pytest.raises(CliRefused, match=re.escape(install_command("images"))):
         picture.save(tmp_path / "a.png")
 
 
@@ -323,30 +323,30 @@ def test_sound_without_a_player(monkeypatch: Patch, capsys: Capture) -> None:
     ],
 )
 def test_samples_as_a_wave_file_has_them(keywords: str, data: bytes, samples: bytes) -> None:
-    assert Sound.of(Binary(keywords, data)).samples == samples
+    assert SoundFile.of(Binary(keywords, data)).samples == samples
 
 
 def test_a_wave_file_within_a_binary() -> None:
-    inner = wave_file([Sound.of(Binary("raw 2 16000 16 1", b"abcd"))])
-    taken = Sound.of(Binary("wav 2 16000 16 1", inner))
+    inner = wave_file([SoundFile.of(Binary("raw 2 16000 16 1", b"abcd"))])
+    taken = SoundFile.of(Binary("wav 2 16000 16 1", inner))
     assert (taken.format.channels, taken.format.rate, taken.samples) == (2, 16000, b"abcd")
-    with pytest.raises(Refused, match="broken"):
-        Sound.of(Binary("wav", b"RIFFnonsense"))
+    with pytest.raises(CliRefused, match="broken"):
+        SoundFile.of(Binary("wav", b"RIFFnonsense"))
 
 
 @pytest.mark.parametrize(
     "keywords", ["", "rgb 1 1", "raw", "raw 1 8000 16", "raw 9 8000 16 1", "raw 1 1 16 1", "raw a b c d"]
 )
 def test_what_is_no_sound(keywords: str) -> None:
-    with pytest.raises(Refused, match="sound"):
-        Sound.of(Binary(keywords, b"xx"))
+    with pytest.raises(CliRefused, match="sound"):
+        SoundFile.of(Binary(keywords, b"xx"))
 
 
 def test_sounds_of_two_kinds_and_none() -> None:
-    one, two = (Sound.of(Binary(f"raw 1 {rate} 16 1", b"ab")) for rate in (8000, 16000))
-    with pytest.raises(Refused, match="changed the kind"):
+    one, two = (SoundFile.of(Binary(f"raw 1 {rate} 16 1", b"ab")) for rate in (8000, 16000))
+    with pytest.raises(CliRefused, match="changed the kind"):
         wave_file([one, two])
-    with pytest.raises(Refused, match="gave no sound"):
+    with pytest.raises(CliRefused, match="gave no sound"):
         wave_file([])
 
 
@@ -356,6 +356,6 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "programs.md"
 
 
 @pytest.mark.parametrize("parser", [urbi.parser, launch.parser, send.parser, image.parser, sound.parser, ping.parser])
-def test_every_option_is_in_its_page(parser: Callable[[], Parser]) -> None:
+def test_every_option_is_in_its_page(parser: Callable[[], GetoptParser]) -> None:
     words = set(re.findall(r"-{1,2}[A-Za-z][\w-]*", PAGE.read_text()))
     assert {name for action in parser()._actions for name in action.option_strings} - words == set()

@@ -21,9 +21,9 @@ from urbihw.cli.console.completion import candidates
 from urbihw.cli.console.help import described
 from urbihw.cli.console.lexer import UrbiscriptLexer
 from urbihw.cli.console.screen import depth, history, is_command, lacks_separator
-from urbihw.cli.console.session import Session
+from urbihw.cli.console.session import ConsoleSession
 from urbihw.cli.main import main
-from urbihw.cli.options import Refused
+from urbihw.cli.options import CliRefused
 from urbihw.client.credentials import Credentials
 from urbihw.client.lines import Line, Lines
 from urbihw.client.subject import Subject, subject, whole_path
@@ -87,7 +87,7 @@ def test_the_first_error_decides_about_the_exit_code(monkeypatch: pytest.MonkeyP
 
 
 def test_an_input_that_ends_within_a_statement(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(Refused, match="ends within a statement") as caught:
+    with pytest.raises(CliRefused, match="ends within a statement") as caught:
         piped(monkeypatch, b"1; { 2; ")
     assert caught.value.code == 65
 
@@ -361,7 +361,7 @@ def test_a_session_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
         if session.state == "connected":
             assert session.send("1 + 1;\n")
 
-    session = Session(HERE, NOBODY, lambda lines: heard.extend(line.text for line in lines), changed)
+    session = ConsoleSession(HERE, NOBODY, lambda lines: heard.extend(line.text for line in lines), changed)
     assert not session.send("1;")
     with pytest.raises(asyncio.CancelledError):
         asyncio.run(session.run())

@@ -14,12 +14,12 @@ from worker_socket import WorkerSocket
 from urbihw.buses.link import Link
 from urbihw.buses.servos import changes
 from urbihw.buses.servos.bus import ServoBus
-from urbihw.buses.servos.device import Device, Scan
-from urbihw.buses.servos.line import Line
-from urbihw.buses.servos.survey import Servo, read_live
+from urbihw.buses.servos.device import ServoDevice, ServoScan
+from urbihw.buses.servos.line import ServoLine
+from urbihw.buses.servos.survey import SurveyedServo, read_live
 from urbihw.cli import doctor, machine, robot_check, tracing
 from urbihw.cli.dialogue import Dialogue
-from urbihw.cli.machine import Finding
+from urbihw.cli.machine import ReportLine
 from urbihw.cli.main import main
 from urbihw.cli.tracing import WorkerTraffic, same_port
 from urbihw.cli.urls import check_url
@@ -38,7 +38,7 @@ def silent(words: Iterable[str]) -> str:
     return ""
 
 
-def only(found: Iterable[Finding]) -> Finding:
+def only(found: Iterable[ReportLine]) -> ReportLine:
     (one,) = found
     return one
 
@@ -68,7 +68,7 @@ def test_throttling_by_the_program_of_the_pi_and_on_other_machines(tmp_path: Pat
 
 
 def test_governor(tmp_path: Path) -> None:
-    assert only(machine.governor(tmp_path)) == Finding("ok", "processor governor none")
+    assert only(machine.governor(tmp_path)) == ReportLine("ok", "processor governor none")
     write(tmp_path, "sys/devices/system/cpu/cpu0/cpufreq/scaling_governor", "performance\n")
     assert only(machine.governor(tmp_path)).verdict == "ok"
     write(tmp_path, "sys/devices/system/cpu/cpu1/cpufreq/scaling_governor", "ondemand\n")
@@ -79,7 +79,7 @@ def test_governor(tmp_path: Path) -> None:
 def test_udev_rules(tmp_path: Path) -> None:
     assert only(machine.udev_rules(tmp_path)).verdict == "note"
     write(tmp_path, "usr/lib/udev/rules.d/99-urbihw.rules", "")
-    assert only(machine.udev_rules(tmp_path)) == Finding("ok", "udev rules: /usr/lib/udev/rules.d/99-urbihw.rules")
+    assert only(machine.udev_rules(tmp_path)) == ReportLine("ok", "udev rules: /usr/lib/udev/rules.d/99-urbihw.rules")
 
 
 @pytest.mark.parametrize(("told", "verdict"), [("yes", "ok"), ("no", "note"), ("", "note")])
@@ -157,7 +157,7 @@ def test_measuring_writes_nothing(kit: LineRig) -> None:
 def test_a_servo_that_fails_now_and_then_is_told(
     kit: LineRig, times: int, verdict: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def spoil(bus: ServoBus, device: Device) -> Servo:
+    def spoil(bus: ServoBus, device: ServoDevice) -> SurveyedServo:
         found = read_live(bus, device)
         if device.id == 3:
             kit.kit.faults.start("checksum", 2, times=times)
@@ -176,7 +176,7 @@ def test_a_servo_that_one_search_misses_is_found_and_told(
 ) -> None:
     searches: list[int] = []
 
-    def find_all(link: Link) -> Scan:
+    def find_all(link: Link) -> ServoScan:
         searches.append(len(searches) + 1)
         kit.kit.faults.stop()
         if searches[-1] == search:
@@ -188,7 +188,7 @@ def test_a_servo_that_one_search_misses_is_found_and_told(
     monkeypatch.setattr(robot_check, "find_all", find_all)
     report = robot_check.check_line(kit.line)
     assert [servo.device.id for servo in report.servos] == [1, 2, 3]
-    expected = Finding("note", "servo 2: found in one of two searches only: check its cable and supply")
+    expected = ReportLine("note", "servo 2: found in one of two searches only: check its cable and supply")
     assert expected in report.findings and searches == [1, 2]
 
 
@@ -261,7 +261,7 @@ def test_a_chain_of_x_servos_is_measured(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_the_command_measures_and_mends(kit: LineRig, monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
-    def open_line(url: str) -> Line:
+    def open_line(url: str) -> ServoLine:
         return kit.line
 
     monkeypatch.setattr(doctor, "open_line", open_line)
@@ -406,6 +406,6 @@ def test_a_daemon_that_tells_no_speed_is_bad(
 
 
 def test_many_ids_with_several_answers_are_one_line(kit: LineRig, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(robot_check, "find_all", lambda link: Scan((), tuple(range(253))))
+    monkeypatch.setattr(robot_check, "find_all", lambda link: ServoScan((), tuple(range(253))))
     lines = [each.text for each in robot_check.check_line(kit.line).findings]
     assert len(lines) == 2 and lines[0].startswith("253 ids (first 0, 1, 2,")

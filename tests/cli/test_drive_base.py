@@ -38,14 +38,14 @@ class Link:
 
 
 @pytest.fixture
-def base(monkeypatch: pytest.MonkeyPatch) -> tuple[drive.Base, Link, SimpleNamespace]:
+def base(monkeypatch: pytest.MonkeyPatch) -> tuple[drive.RemoteBase, Link, SimpleNamespace]:
     clock = SimpleNamespace(now=5.0)
     monkeypatch.setattr(drive, "time", SimpleNamespace(monotonic=lambda: clock.now))
     link: Any = Link(clock)
-    return drive.Base(link), link, clock
+    return drive.RemoteBase(link), link, clock
 
 
-def test_an_order_has_the_time_of_the_server(base: tuple[drive.Base, Link, SimpleNamespace]) -> None:
+def test_an_order_has_the_time_of_the_server(base: tuple[drive.RemoteBase, Link, SimpleNamespace]) -> None:
     it, link, clock = base
     assert (it.name, it.speeds) == (r"base|\x1b[2J", (0.2, 0.5))
     it.order(0.1, 0.0)
@@ -54,7 +54,9 @@ def test_an_order_has_the_time_of_the_server(base: tuple[drive.Base, Link, Simpl
     assert link.made == [1005.0, 1008.0]
 
 
-def test_a_slow_answer_makes_the_next_order_older_not_younger(base: tuple[drive.Base, Link, SimpleNamespace]) -> None:
+def test_a_slow_answer_makes_the_next_order_older_not_younger(
+    base: tuple[drive.RemoteBase, Link, SimpleNamespace],
+) -> None:
     it, link, clock = base
     link.way = 0.3
     it.order(0.1, 0.0)
@@ -62,7 +64,7 @@ def test_a_slow_answer_makes_the_next_order_older_not_younger(base: tuple[drive.
     assert link.made[1] == pytest.approx(1000 + clock.now - 0.3 - 0.3)
 
 
-def test_it_stands_when_nothing_is_measured_any_more(base: tuple[drive.Base, Link, SimpleNamespace]) -> None:
+def test_it_stands_when_nothing_is_measured_any_more(base: tuple[drive.RemoteBase, Link, SimpleNamespace]) -> None:
     it, link, clock = base
     link.way = 0.1
     seen = []

@@ -13,8 +13,8 @@ from urbihw.cli.drivekeys import (
     MOST_FULL,
     REPEAT_HOLD_S,
     STAND,
+    KeyOrder,
     Keys,
-    Order,
     Wish,
     change_full,
 )
@@ -62,7 +62,8 @@ def test_keys_and_what_they_ask_for(text: str, wish: Wish) -> None:
 
 def test_keys_that_are_no_movement_do_not_end_one() -> None:
     keys = Keys()
-    assert keys.feed("w+-\x1aq\x03", 1.0) == [Order.FASTER, Order.SLOWER, Order.SUSPEND, Order.LEAVE, Order.LEAVE]
+    orders = [KeyOrder.FASTER, KeyOrder.SLOWER, KeyOrder.SUSPEND, KeyOrder.LEAVE, KeyOrder.LEAVE]
+    assert keys.feed("w+-\x1aq\x03", 1.0) == orders
     assert keys.wish(1.1) == Wish(1, 0)
     keys.release()
     assert keys.wish(1.1) == STAND
@@ -71,14 +72,14 @@ def test_keys_that_are_no_movement_do_not_end_one() -> None:
 def test_held_keys_of_the_speed_stay_within_bounds_and_come_back() -> None:
     full = 0.2
     for _ in range(3000):
-        full = change_full(full, Order.FASTER)
+        full = change_full(full, KeyOrder.FASTER)
     assert full == MOST_FULL
     for _ in range(3000):
-        full = change_full(full, Order.SLOWER)
+        full = change_full(full, KeyOrder.SLOWER)
     assert full == LEAST_FULL
     assert f"{full:.2f}" != "0.00"
     for _ in range(10):
-        full = change_full(full, Order.FASTER)
+        full = change_full(full, KeyOrder.FASTER)
     assert full > 2 * LEAST_FULL
 
 

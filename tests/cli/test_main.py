@@ -10,7 +10,7 @@ import pytest
 
 from urbihw.buses.ports import SerialPort
 from urbihw.cli import doctor
-from urbihw.cli.machine import Finding
+from urbihw.cli.machine import ReportLine
 from urbihw.cli.main import COMMANDS, main
 from urbihw.cli.platforms import maturity
 
@@ -103,7 +103,7 @@ def test_doctor_tells_missing_packages() -> None:
         raise PackageNotFoundError(name)
 
     found = list(doctor.packages(none))
-    assert Finding("bad", "lark is missing: pip install lark") in found
+    assert ReportLine("bad", "lark is missing: pip install lark") in found
     assert not any("pytest" in finding.text for finding in found)
 
 
@@ -114,6 +114,6 @@ def test_doctor_knows_adapters_and_their_latency(tmp_path: Path, monkeypatch: py
     (tmp_path / "sys" / "ttyUSB0" / "latency_timer").write_text("16\n")
     monkeypatch.setattr(doctor, "LATENCY", tmp_path / "sys")
     found = list(doctor.adapters([SerialPort(str(device), 0x0403, 0x6014, "FT232H")]))
-    assert found[0] == Finding("ok", f"{device}: U2D2 (bioloid, chain)")
+    assert found[0] == ReportLine("ok", f"{device}: U2D2 (bioloid, chain)")
     assert "keeps answers for 16 ms" in found[1].text
     assert list(doctor.adapters([]))[0].verdict == "note"

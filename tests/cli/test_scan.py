@@ -13,7 +13,7 @@ from buses.line_rig import LineRig, ax, xl
 from urbihw import platforms
 from urbihw.buses.errors import Unavailable
 from urbihw.buses.ports import SerialPort
-from urbihw.buses.servos.line import Line
+from urbihw.buses.servos.line import ServoLine
 from urbihw.cli import scan_ports
 from urbihw.cli.main import main
 from urbihw.cli.progress import ProgressBar
@@ -69,7 +69,7 @@ def test_a_manifest_that_names_no_function_is_said() -> None:
 def ports(monkeypatch: pytest.MonkeyPatch, found: list[SerialPort], rigs: dict[str, LineRig | str]) -> None:
     """Let these ports be there; a text in place of a line is why it cannot be opened."""
 
-    def open_line(url: str, baud: int | None = None) -> Line:
+    def open_line(url: str, baud: int | None = None) -> ServoLine:
         rig = rigs[url.partition("?")[0]]
         if isinstance(rig, str):
             raise Unavailable(16, rig)

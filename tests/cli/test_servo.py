@@ -15,7 +15,7 @@ from urbihw.buses.servos.registers import ServoError
 from urbihw.cli import servo
 from urbihw.cli.dialogue import Dialogue
 from urbihw.cli.main import main, parser
-from urbihw.cli.servo_verbs import Job
+from urbihw.cli.servo_verbs import VerbJob
 from urbihw_fakes.dynamixel.unit import Unit
 from urbihw_fakes.feetech.bus import FeetechBus
 from urbihw_fakes.feetech.servo import FeetechServo
@@ -25,7 +25,7 @@ def do(rig: LineRig, command: str, *steps: tuple[Callable[[], object] | None, st
     """Carry out ``urbihw servo``; return the lines that it printed."""
     options = parser("servo").parse_args(["servo", *command.replace("URL", "pipe://robot").split()])
     out = io.StringIO()
-    servo._VERBS[options.verb][1](Job(rig.line, options, Dialogue(Typist(*steps), out)))
+    servo._VERBS[options.verb][1](VerbJob(rig.line, options, Dialogue(Typist(*steps), out)))
     return out.getvalue().splitlines()
 
 

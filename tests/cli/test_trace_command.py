@@ -14,12 +14,12 @@ from worker_socket import WorkerSocket
 import urbihw_fakes
 from urbihw import buses
 from urbihw.buses.capture import CaptureHead
-from urbihw.buses.clock import SimClock
+from urbihw.buses.clock import BusSimClock
 from urbihw.buses.link import Context, Link
 from urbihw.buses.pipe import PipeEnd
 from urbihw.buses.servos import packet
 from urbihw.buses.servos import trace as trace_servos
-from urbihw.buses.trace import Chunk, Packet
+from urbihw.buses.trace import Chunk, TracedPacket
 from urbihw.cli import trace, tracing
 from urbihw.cli.main import main
 
@@ -147,7 +147,7 @@ def test_what_cannot_be_shown_is_one_line(
 
 
 def test_listening_writes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock, written = SimClock(1.0), []
+    clock, written = BusSimClock(1.0), []
     end = PipeEnd(lambda data, at: written.append(data))
     context = Context(clock, {"robot": end})
 
@@ -168,7 +168,7 @@ def test_listening_writes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_nothing_that_a_robot_sends_controls_the_terminal() -> None:
     stream = io.StringIO()
     printer = trace.Printer(stream, False, False, 0)
-    printer.show([Packet(0.0, "<", "", "log", "\x1b[2Jhello\n")])
+    printer.show([TracedPacket(0.0, "<", "", "log", "\x1b[2Jhello\n")])
     assert stream.getvalue() == "   0.000000    +0.000 ms  <       log           ?[2Jhello\n"
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from urbihw.cli.lobby_client import LobbyClient
-from urbihw.cli.options import Refused
+from urbihw.cli.options import CliRefused
 from urbihw.client.credentials import Credentials
 from urbihw.client.where import Where
 
@@ -46,7 +46,7 @@ def serve() -> Iterator[Serve]:
 
 
 def refusal(where: Where, patience: float = 5.0) -> str:
-    with pytest.raises(Refused) as caught, LobbyClient(where, Credentials(environment={})) as link:
+    with pytest.raises(CliRefused) as caught, LobbyClient(where, Credentials(environment={})) as link:
         link.read_banner(patience)
     assert "\n" not in str(caught.value)
     return str(caught.value)

@@ -14,7 +14,7 @@ from urbihw.daemon import tls
 from urbihw.daemon.access import Authenticator, Tokens
 from urbihw.daemon.access_policy import AccessPolicy
 from urbihw.kernel import Kernel
-from urbihw.kernel.server.loop import Driver
+from urbihw.kernel.server.loop import LoopDriver
 from urbihw.kernel.server.tcp import Server
 
 T = TypeVar("T")
@@ -50,7 +50,7 @@ class Lan:
     async def _serve(self) -> None:
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
         kernel = self.kernel = Kernel()
-        driver = Driver(kernel.scheduler)
+        driver = LoopDriver(kernel.scheduler)
         self.server = Server(driver, kernel.open_lobby)
         authenticator = Authenticator(self.tokens)
         self.access_policy = AccessPolicy(authenticator.handshake, tls.context(self._files), authenticator)

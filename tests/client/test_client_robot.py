@@ -18,7 +18,7 @@ from lan_server import Lan
 
 import urbihw
 from urbihw.client import aio
-from urbihw.client.dialect import Plain
+from urbihw.client.dialect import PlainDialect
 from urbihw.client.errors import AccessDenied, CannotConnect, ConnectionLost, SlotMissing, TimedOut, UrbiError
 from urbihw.client.media import Picture
 from urbihw.client.robot import Robot, UrbiFunction, UrbiObject
@@ -400,7 +400,7 @@ def test_reasons_why_there_is_no_connection(lan: Lan, tmp_path: Path, monkeypatc
 
 def test_a_server_without_our_extensions(robot: Robot) -> None:
     """The other dialect, on our server: all of it is urbiscript 2."""
-    robot._connection._session.dialect = Plain()
+    robot._connection._session.dialect = PlainDialect()
     robot.motor6.val = 3
     assert robot.motor6.val == 3
     assert robot.motor6.turn(1) == "turned"

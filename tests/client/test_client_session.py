@@ -10,7 +10,7 @@ from urbihw.client.literals import KEYWORDS, checked_name, literal, written_path
 from urbihw.client.live_plot import plot_svg
 from urbihw.client.login import WANTS_TLS, explain_close
 from urbihw.client.media import Blob
-from urbihw.client.session import Found, Message, Session
+from urbihw.client.session import Message, NoPlainValue, Session
 from urbihw.client.streams import Sample, SampleStream
 from urbihw.client.where import Where
 from urbihw.kernel.syntax import tokens
@@ -33,8 +33,8 @@ RECORDED = [
     (b'[00000012:CH] ["", "\\xc3\\xa9"]\n', "\u00e9"),
     (b'[00000012:CH] ["", [BIN 3 h\na\nb, 1, BIN 3 h\na\nb]]\n', [Blob("h", b"a\nb"), 1.0, Blob("h", b"a\nb")]),
     (b'[815122800004:CH] ["", nil]\n', None),
-    (b'[00000012:CH] ["", Lobby_0x1234]\n', Found("object", "Lobby_0x1234")),
-    (b'[00000012:CH] ["", function () { 1 }]\n', Found("object", '["", function () { 1 }]')),
+    (b'[00000012:CH] ["", Lobby_0x1234]\n', NoPlainValue("object", "Lobby_0x1234")),
+    (b'[00000012:CH] ["", function () { 1 }]\n', NoPlainValue("object", '["", function () { 1 }]')),
 ]
 
 

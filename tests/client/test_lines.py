@@ -7,7 +7,7 @@ import math
 import pytest
 
 from urbihw.client.lines import BadLine, Binary, Line, Lines
-from urbihw.client.values import BadValue, value_of
+from urbihw.client.values import NotAValue, value_of
 
 TALK = (
     b"[00000001] 1\n"
@@ -110,5 +110,5 @@ def test_values(text: bytes, value: object) -> None:
 @pytest.mark.parametrize("text", [b"", b"?", b"[1", b'["a', b"[=> 1]", b"-", b"[BIN x, 1]", b"[" * 100])
 def test_what_is_no_value(text: bytes) -> None:
     (line,) = Lines().feed(b"[00000001:v] " + text + b"\n")
-    with pytest.raises(BadValue):
+    with pytest.raises(NotAValue):
         value_of(line)

@@ -15,16 +15,16 @@ from pathlib import Path
 import pytest
 from lan_server import Lan
 
-from urbihw.cli.console.session import Session
+from urbihw.cli.console.session import ConsoleSession
 from urbihw.cli.lobby_client import LobbyClient
-from urbihw.cli.options import Refused
+from urbihw.cli.options import CliRefused
 from urbihw.client.connect import connect
 from urbihw.client.credentials import Credentials, Denied
 from urbihw.client.dial import open_streams
 from urbihw.client.secure import context
 from urbihw.client.where import Where
 from urbihw.daemon import access, tls
-from urbihw.kernel.server.handshake import Refusal
+from urbihw.kernel.server.handshake import HandshakeRefusal
 from urbihw.kernel.server.tcp import MAX_UNAUTHENTICATED, WANTS_TLS
 from urbihw.kernel.uobject.motion import _client
 
@@ -195,12 +195,12 @@ def test_the_addresses_of_wrong_tokens_are_bounded(tmp_path: Path, monkeypatch: 
     authenticator = access.Authenticator(access.Tokens(tmp_path))
     delays = []
     for number in [0, 0, 0, 1, 2, 3, 4, 0]:
-        with pytest.raises(Refusal) as caught:
+        with pytest.raises(HandshakeRefusal) as caught:
             authenticator.authenticate(f"10.0.0.{number}", "wrong")
         delays.append(caught.value.delay)
     assert delays == [0.5, 1.0, 2.0, 0.5, 0.5, 0.5, 0.5, 0.5]
     for _ in range(30):
-        with pytest.raises(Refusal) as caught:
+        with pytest.raises(HandshakeRefusal) as caught:
             authenticator.authenticate("10.0.0.9", "wrong")
     assert caught.value.delay == access.MAX_DELAY_S
 
@@ -215,7 +215,7 @@ def test_a_crowd_without_tokens_keeps_nobody_out_who_is_in_or_of_this_machine(
         assert inside.ask("1").shown == "1"
         with LobbyClient(Where("127.0.0.1", lan.plain_port), Credentials()) as second:
             assert second.ask("2").shown == "2"
-        with pytest.raises(Refused):
+        with pytest.raises(CliRefused):
             LobbyClient(lan.where, who)
         assert "32 others have not shown a token yet" in caplog.text
         assert len(lan.call(lambda: set(lan.server.unauthenticated))) == MAX_UNAUTHENTICATED
@@ -228,7 +228,7 @@ def test_a_crowd_without_tokens_keeps_nobody_out_who_is_in_or_of_this_machine(
         wait_for(lan, 1)
         with LobbyClient(lan.where, who) as third, LobbyClient(lan.where, who) as fourth:
             assert third.ask("3").shown == fourth.ask("3").shown == "3"
-            with pytest.raises(Refused, match="too many connections"):
+            with pytest.raises(CliRefused, match="too many connections"):
                 LobbyClient(lan.where, who)
     wait_for(lan, 0)
     assert lan.call(lambda: set(lan.server.unauthenticated)) == set()
@@ -247,7 +247,7 @@ def test_who_is_removed_while_connected_is_disconnected(lan: Lan, tmp_path: Path
         lan.call(lambda: lan.access_policy.disconnect_removed(lan.server.connections))
         wait_for(lan, 1)
         lan.call(lambda: lan.access_policy.disconnect_removed(lan.server.connections))
-        with pytest.raises((Refused, Denied, ConnectionError), match="token refused: it was removed"):
+        with pytest.raises((CliRefused, Denied, ConnectionError), match="token refused: it was removed"):
             first.ask("3")
         assert second.ask("3").shown == "3"
     with pytest.raises(Denied, match="wrong, or was removed"):
@@ -269,7 +269,7 @@ def test_tokens_that_cannot_be_read_let_nobody_in_and_the_log_says_why(
 
 def test_plain_text_on_the_port_of_tls(lan: Lan, caplog: pytest.LogCaptureFixture) -> None:
     told = rf"^127.0.0.1:{lan.port} speaks TLS, and wants a token: --tls"
-    with pytest.raises(Refused, match=told), LobbyClient(Where("127.0.0.1", lan.port), Credentials()) as link:
+    with pytest.raises(CliRefused, match=told), LobbyClient(Where("127.0.0.1", lan.port), Credentials()) as link:
         link.ask("1")
     for text in (b"1 + 1;\n", b"\r\n", b"GET / HTTP/1.1\r\n\r\n"):
         plain = socket.create_connection(("127.0.0.1", lan.port), TIMEOUT_S)
@@ -289,8 +289,8 @@ def test_who_says_nothing_to_the_port_of_tls_is_told_in_the_end(lan: Lan, monkey
 
 def test_a_console_without_tls_is_told_why_and_does_not_try_again(lan: Lan) -> None:
     states: list[str] = []
-    session = Session(Where("127.0.0.1", lan.port), Credentials(), lambda lines: None,
-                      lambda: states.append(session.state))
+    session = ConsoleSession(Where("127.0.0.1", lan.port), Credentials(), lambda lines: None,
+                             lambda: states.append(session.state))
     asyncio.run(asyncio.wait_for(session.run(), TIMEOUT_S))
     assert states == ["denied"]
     assert session.reason.startswith(f"127.0.0.1:{lan.port} speaks TLS, and wants a token: --tls")
@@ -298,7 +298,7 @@ def test_a_console_without_tls_is_told_why_and_does_not_try_again(lan: Lan) -> N
 
 def test_tls_on_a_plain_port(lan: Lan, tmp_path: Path) -> None:
     where = Where("127.0.0.1", lan.plain_port, True)
-    with pytest.raises(Refused, match="does not speak TLS.*--no-tls"):
+    with pytest.raises(CliRefused, match="does not speak TLS.*--no-tls"):
         LobbyClient(where, user(tmp_path, "x"))
 
     async def talk() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from urbihw.daemon.activation import passed_sockets
 from urbihw.daemon.config import Config
-from urbihw.daemon.service import Service, StartError
+from urbihw.daemon.service import DaemonService, StartError
 from urbihw.kernel.uobject import BadConfig
 
 
@@ -81,7 +81,7 @@ def test_the_address_of_the_passed_port_decides_who_needs_a_token(
     monkeypatch.setattr("urbihw.daemon.service.passed_sockets", lambda port: [listening])
 
     async def serve() -> int:
-        return await Service(Config(platform="p3dx", port=listening.getsockname()[1])).run()
+        return await DaemonService(Config(platform="p3dx", port=listening.getsockname()[1])).run()
 
     with pytest.raises(StartError, match="nobody has a token yet"):
         asyncio.run(serve())

@@ -14,7 +14,7 @@ import pytest
 
 from urbihw.daemon.config import Config
 from urbihw.daemon.dead_sockets import remove_dead_sockets
-from urbihw.daemon.service import Service, StartError
+from urbihw.daemon.service import DaemonService, StartError
 
 
 @pytest.fixture
@@ -60,5 +60,5 @@ def test_a_start_removes_them(folder: Path, monkeypatch: pytest.MonkeyPatch) -> 
     bound(folder / "urbihw" / "urbi-1.socket").close()
     bound(folder / "urbihw" / "nxt-1.sock").close()
     with contextlib.suppress(StartError):
-        asyncio.run(Service(Config(platform="bioloid", url="/dev/null", port=0)).run())
+        asyncio.run(DaemonService(Config(platform="bioloid", url="/dev/null", port=0)).run())
     assert names(folder / "urbihw") == []

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from urbihw.daemon.notify import Notifier
+from urbihw.daemon.notify import ServiceNotifier
 
 Manager = tuple[str, Callable[[], str]]
 
@@ -28,7 +28,7 @@ def manager(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Manager]
 
 def test_the_life_of_a_daemon(manager: Manager) -> None:
     address, heard = manager
-    with Notifier.from_environment({"NOTIFY_SOCKET": address}) as notifier:
+    with ServiceNotifier.from_environment({"NOTIFY_SOCKET": address}) as notifier:
         notifier.ready("bioloid: 18 servos, 1 sensor")
         assert heard() == "READY=1\nSTATUS=bioloid: 18 servos, 1 sensor"
         notifier.status("bioloid: 18 servos, 1 sensor, 98 Hz")
@@ -47,7 +47,7 @@ def test_the_life_of_a_daemon(manager: Manager) -> None:
 
 def test_a_status_is_one_line(manager: Manager) -> None:
     address, heard = manager
-    with Notifier(address) as notifier:
+    with ServiceNotifier(address) as notifier:
         notifier.status("one\nREADY=1\r\n two — drei")
         assert heard() == "STATUS=one READY=1 two — drei"
         notifier.status("nxt: 'a\x1b[2J\x9b\udc80'")
@@ -56,7 +56,7 @@ def test_a_status_is_one_line(manager: Manager) -> None:
 
 def test_closed_is_silent(manager: Manager) -> None:
     address, heard = manager
-    notifier = Notifier(address)
+    notifier = ServiceNotifier(address)
     notifier.close()
     notifier.close()
     notifier.ready("x")
@@ -65,14 +65,14 @@ def test_closed_is_silent(manager: Manager) -> None:
 
 
 def test_without_a_manager_nothing_happens() -> None:
-    with Notifier.from_environment({}) as notifier:
+    with ServiceNotifier.from_environment({}) as notifier:
         notifier.ready("x")
         assert notifier.watchdog_period is None
 
 
 def test_a_manager_that_is_gone_or_does_not_read_harms_nobody(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     path = tmp_path / "notify"
-    with Notifier(str(path)) as notifier, caplog.at_level(logging.DEBUG, "urbihw.notify"):
+    with ServiceNotifier(str(path)) as notifier, caplog.at_level(logging.DEBUG, "urbihw.notify"):
         notifier.ready("x")
         assert "does not listen" in caplog.text
         caplog.clear()
@@ -86,7 +86,7 @@ def test_a_manager_that_is_gone_or_does_not_read_harms_nobody(tmp_path: Path, ca
 
 
 def test_an_address_of_another_kind_is_said_once(caplog: pytest.LogCaptureFixture) -> None:
-    with Notifier("vsock:2:1234") as notifier:
+    with ServiceNotifier("vsock:2:1234") as notifier:
         notifier.ready("x")
         notifier.watchdog()
     (record,) = caplog.records
@@ -105,4 +105,4 @@ def test_an_address_of_another_kind_is_said_once(caplog: pytest.LogCaptureFixtur
     ],
 )
 def test_the_watchdog_is_fed_twice_as_often_as_asked(environment: dict[str, str], period: float | None) -> None:
-    assert Notifier.from_environment(environment, pid=77).watchdog_period == period
+    assert ServiceNotifier.from_environment(environment, pid=77).watchdog_period == period

@@ -12,11 +12,11 @@ import pytest
 from urbihw import platforms
 from urbihw.daemon.config import Config, load
 from urbihw.daemon.schema import meanings, of_table, schema
-from urbihw.settings import Table
+from urbihw.settings import SettingsTable
 
 SAMPLE = Path(__file__).resolve().parents[2] / "urbihw" / "share" / "urbihw.toml"
 MANIFESTS = {folder.name: platforms.read(folder) for folder in platforms.folders()}
-TABLES: dict[str, type[Table]] = {
+TABLES: dict[str, type[SettingsTable]] = {
     "daemon": Config,
     **{name: platforms.load_options(manifest) for name, manifest in MANIFESTS.items()},
 }
@@ -104,7 +104,7 @@ def test_it_says_what_the_loader_says(tmp_path: Path, text: str, right: bool) ->
 
 
 def test_what_is_documented_over_several_lines_or_for_several_names() -> None:
-    class Toy(Table):
+    class Toy(SettingsTable):
         """A toy.
 
         Attributes:

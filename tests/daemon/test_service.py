@@ -16,7 +16,7 @@ from urbihw.buses.ports import SerialPort
 from urbihw.daemon.access import Tokens
 from urbihw.daemon.config import Config
 from urbihw.daemon.holders import holder_of_file, holder_of_port
-from urbihw.daemon.service import Service, StartError
+from urbihw.daemon.service import DaemonService, StartError
 from urbihw.daemon.state import state_folder
 
 
@@ -28,7 +28,7 @@ def refusal(config: Config) -> str:
 
 
 async def _run(config: Config) -> int:
-    return await Service(config).run()
+    return await DaemonService(config).run()
 
 
 def test_an_unknown_platform_is_refused_with_those_there_are() -> None:

@@ -11,16 +11,16 @@ import pytest
 from urbihw.buses import messages as m
 from urbihw.daemon import service as module
 from urbihw.daemon.config import Config
-from urbihw.daemon.notify import Notifier
-from urbihw.daemon.service import Service
+from urbihw.daemon.notify import ServiceNotifier
+from urbihw.daemon.service import DaemonService
 from urbihw.kernel import Kernel
 from urbihw.kernel.process import KernelProcess
 from urbihw.kernel.sched.clock import SimClock
-from urbihw.kernel.uobject import Robot, RobotSettings
+from urbihw.kernel.uobject import PlatformRobot, RobotSettings
 from urbihw.platforms.base import SILENCE_TIMEOUT_S, WiredRobot
 
 
-class Manager(Notifier):
+class Manager(ServiceNotifier):
     """Notes what the service manager would hear."""
 
     def __init__(self) -> None:
@@ -52,7 +52,7 @@ class Stub:
 async def report(robot: object, rounds: int) -> list[str]:
     """What the service manager hears of a robot in some rounds."""
     manager = Manager()
-    service = Service(Config(platform="stub"), manager)
+    service = DaemonService(Config(platform="stub"), manager)
     service._robot = robot  # type: ignore[assignment]
     service._process = KernelProcess()
     reporting = asyncio.ensure_future(service._report())
@@ -81,7 +81,7 @@ def test_without_a_robot_it_is_fed() -> None:
 
 
 def test_it_is_fed_twice_in_the_time_that_the_manager_gives() -> None:
-    notifier = Notifier.from_environment({"WATCHDOG_USEC": "1000000"})
+    notifier = ServiceNotifier.from_environment({"WATCHDOG_USEC": "1000000"})
     assert notifier.watchdog_period == 0.5 < module.STATUS_PERIOD_S
 
 
@@ -180,7 +180,7 @@ def test_what_others_say_of_a_worker_is_no_sign_of_its_life(rig: Rig, message: m
 def test_a_robot_without_a_worker_is_alive() -> None:
     kernel = Kernel(SimClock())
 
-    class Plain(Robot):
+    class Plain(PlatformRobot):
         """A robot that needs no bus."""
 
     kernel.host.register(Plain)

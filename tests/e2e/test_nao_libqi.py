@@ -19,10 +19,10 @@ from urbihw import buses
 from urbihw.buses.link import Port
 from urbihw.buses.messages import (
     Configure,
+    DeviceReport,
     Ended,
     Found,
     FromWorker,
-    Happened,
     LinkState,
     Reply,
     Request,
@@ -156,9 +156,11 @@ def test_calls_and_events_of_services(rig: Rig, robot: Robot) -> None:
     assert rig.ask("listen", "FrontTactilTouched").ok
     # A subscription takes effect a moment after it was sent.
     rig.run_until(
-        lambda: robot.say("touch Head/Touch/Front 1") == "ok" and any(isinstance(each, Happened) for each in rig.told)
+        lambda: (
+            robot.say("touch Head/Touch/Front 1") == "ok" and any(isinstance(each, DeviceReport) for each in rig.told)
+        )
     )
-    (happened, *_) = (each for each in rig.told if isinstance(each, Happened))
+    (happened, *_) = (each for each in rig.told if isinstance(each, DeviceReport))
     assert (happened.device, happened.what, happened.value) == ("event", "FrontTactilTouched", 1.0)
 
 

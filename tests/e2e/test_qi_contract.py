@@ -20,7 +20,7 @@ import pytest
 from urbihw import buses
 from urbihw.buses.errors import BadValue, LinkGone, Unavailable
 from urbihw.buses.qi.opening import open_session
-from urbihw.buses.qi.session import Call, Session
+from urbihw.buses.qi.session import QiCall, QiSession
 
 pytestmark = pytest.mark.e2e
 SERVER = Path(__file__).parent / "qi_contract_server.py"
@@ -58,7 +58,7 @@ def robot(request: pytest.FixtureRequest) -> Iterator[tuple[str, str]]:
 
 
 @pytest.fixture(params=SCHEMES)
-def session(request: pytest.FixtureRequest, robot: tuple[str, str]) -> Iterator[Session]:
+def session(request: pytest.FixtureRequest, robot: tuple[str, str]) -> Iterator[QiSession]:
     """A session of one of the back ends."""
     with buses.open(f"{request.param}://{robot[1]}") as port:
         made = open_session(port)
@@ -67,12 +67,12 @@ def session(request: pytest.FixtureRequest, robot: tuple[str, str]) -> Iterator[
         made.close("the test ends")
 
 
-def ask(session: Session, name: str, *arguments: Any, service: str = "Contract") -> Any:
+def ask(session: QiSession, name: str, *arguments: Any, service: str = "Contract") -> Any:
     """Call a method and wait."""
     return session.wait(session.call(session.look_up(service), name, *arguments, timeout=WITHIN_S))
 
 
-def poll_until(session: Session, reached: Callable[[], bool]) -> None:
+def poll_until(session: QiSession, reached: Callable[[], bool]) -> None:
     """Poll until a condition holds."""
     end = time.monotonic() + WITHIN_S
     while not reached():
@@ -81,7 +81,7 @@ def poll_until(session: Session, reached: Callable[[], bool]) -> None:
         time.sleep(0.002)
 
 
-def test_services_are_named_and_described(session: Session) -> None:
+def test_services_are_named_and_described(session: QiSession) -> None:
     assert {"ServiceDirectory", "ALMotion", "ALMemory", "Contract"} <= set(session.names())
     contract = session.look_up("Contract")
     assert {"echo", "go", "boom"} <= set(contract.meta.names())
@@ -91,7 +91,7 @@ def test_services_are_named_and_described(session: Session) -> None:
     assert contract.meta.properties["level"].signature == "i"
 
 
-def test_overloads_are_chosen_by_the_arguments(session: Session) -> None:
+def test_overloads_are_chosen_by_the_arguments(session: QiSession) -> None:
     assert ask(session, "go", 1) == "one"
     assert ask(session, "go", 1, 2.5) == "two"
     assert ask(session, "go", 1.0, "home") == "name"
@@ -100,16 +100,16 @@ def test_overloads_are_chosen_by_the_arguments(session: Session) -> None:
 @pytest.mark.parametrize(
     "value", [1, -7, 2.5, True, False, "x", "ä€", "", [1, 2.5, "a"], [1.0, 2.0], [], {"a": 1}, None, 1 << 40, [[1], []]]
 )
-def test_dynamic_values_come_back(session: Session, value: Any) -> None:
+def test_dynamic_values_come_back(session: QiSession, value: Any) -> None:
     found = ask(session, "echo", value)
     assert found == value and type(found) is type(value)
 
 
-def test_a_tuple_is_a_list_for_naoqi(session: Session) -> None:
+def test_a_tuple_is_a_list_for_naoqi(session: QiSession) -> None:
     assert ask(session, "echo", (1, (2, "a"))) == [1, [2, "a"]]
 
 
-def test_typed_values(session: Session) -> None:
+def test_typed_values(session: QiSession) -> None:
     assert ask(session, "sum", -1, 4_000_000_000, -(1 << 40), 1 << 41, 0.5, 0.25) == -1 + 4e9 - 2**40 + 2**41 + 0.75
     # Programs in urbiscript have floats only.
     assert ask(session, "sum", 1.0, 2.0, 3.0, 4.0, 5.0, 6.0) == 21
@@ -117,7 +117,7 @@ def test_typed_values(session: Session) -> None:
     assert ask(session, "lists", [1, 2], [[0.5], []], {"a": 1}) == ([1, 2], [[0.5], []], {"a": 1})
 
 
-def test_raw_bytes_survive(session: Session) -> None:
+def test_raw_bytes_survive(session: QiSession) -> None:
     every = bytes(range(256))
     found = ask(session, "reverse", every)
     assert found == every[::-1] and type(found) is bytes
@@ -126,20 +126,20 @@ def test_raw_bytes_survive(session: Session) -> None:
 
 
 @pytest.mark.parametrize("arguments", [(1,), ("x", 1.0), (1.0, 2.0, 3.0), (None,), ()])
-def test_arguments_that_fit_no_overload_are_refused_here(session: Session, arguments: tuple[Any, ...]) -> None:
+def test_arguments_that_fit_no_overload_are_refused_here(session: QiSession, arguments: tuple[Any, ...]) -> None:
     name = "both" if arguments == (1,) else "go"
     with pytest.raises(BadValue, match=rf"Contract\.{name} does not take these {len(arguments)} arguments; it takes"):
         session.call(session.look_up("Contract"), name, *arguments)
 
 
 @pytest.mark.parametrize("value", [object(), {1, 2}, [object()], 1j])
-def test_values_that_cannot_travel_are_refused_here(session: Session, value: Any) -> None:
+def test_values_that_cannot_travel_are_refused_here(session: QiSession, value: Any) -> None:
     with pytest.raises(BadValue):
         session.call(session.look_up("Contract"), "echo", value)
     assert ask(session, "echo", 1) == 1, "and the session goes on"
 
 
-def test_errors_are_one_line_without_paths(session: Session) -> None:
+def test_errors_are_one_line_without_paths(session: QiSession) -> None:
     with pytest.raises(Unavailable) as error:
         ask(session, "boom")
     assert str(error.value) == "Contract: no such joint"
@@ -150,7 +150,7 @@ def test_errors_are_one_line_without_paths(session: Session) -> None:
     assert session.counters.refused == 2
 
 
-def test_a_call_that_takes_too_long_fails_and_its_answer_is_late(session: Session) -> None:
+def test_a_call_that_takes_too_long_fails_and_its_answer_is_late(session: QiSession) -> None:
     contract = session.look_up("Contract")
     with pytest.raises(Unavailable, match=r"did not answer in 0\.1 s"):
         session.wait(session.call(contract, "nap", 0.4, timeout=0.1))
@@ -162,8 +162,8 @@ def test_a_call_that_takes_too_long_fails_and_its_answer_is_late(session: Sessio
     assert ask(session, "echo", 1) == 1
 
 
-def test_a_blocking_call_holds_nothing_else(session: Session) -> None:
-    done: list[Call] = []
+def test_a_blocking_call_holds_nothing_else(session: QiSession) -> None:
+    done: list[QiCall] = []
     session.call(session.look_up("Contract"), "nap", 0.5, then=done.append, timeout=WITHIN_S)
     assert ask(session, "echo", "meanwhile") == "meanwhile"
     assert not done
@@ -171,7 +171,7 @@ def test_a_blocking_call_holds_nothing_else(session: Session) -> None:
     assert (done[0].value, done[0].error) == ("rested", "")
 
 
-def test_each_of_many_calls_under_way_gets_its_own_answer(session: Session) -> None:
+def test_each_of_many_calls_under_way_gets_its_own_answer(session: QiSession) -> None:
     # In which order answers come is not promised: libqi has several threads.
     contract = session.look_up("Contract")
     calls = [session.call(contract, "echo", number, timeout=WITHIN_S) for number in range(500)]
@@ -179,7 +179,7 @@ def test_each_of_many_calls_under_way_gets_its_own_answer(session: Session) -> N
     assert [call.value for call in calls] == list(range(500))
 
 
-def test_posts_come_in_their_order(session: Session) -> None:
+def test_posts_come_in_their_order(session: QiSession) -> None:
     ask(session, "notes")
     contract = session.look_up("Contract")
     for number in range(50):
@@ -189,7 +189,7 @@ def test_posts_come_in_their_order(session: Session) -> None:
         session.post(contract, "note")
 
 
-def test_signals_are_heard_by_each_listener_until_it_stops(session: Session) -> None:
+def test_signals_are_heard_by_each_listener_until_it_stops(session: QiSession) -> None:
     contract = session.look_up("Contract")
     first: list[Any] = []
     second: list[Any] = []
@@ -212,11 +212,11 @@ def test_signals_are_heard_by_each_listener_until_it_stops(session: Session) -> 
         session.listen(contract, "mowed", first.append)
 
 
-def test_properties_are_read_and_written(session: Session) -> None:
+def test_properties_are_read_and_written(session: QiSession) -> None:
     contract = session.look_up("Contract")
     session.wait(session.set_property(contract, "level", 7))
     assert session.wait(session.get_property(contract, "level")) == 7
-    told: list[Call] = []
+    told: list[QiCall] = []
     session.set_property(contract, "level", 3, told.append)
     session.get_property(contract, "level", told.append)
     poll_until(session, lambda: len(told) == 2)
@@ -225,7 +225,7 @@ def test_properties_are_read_and_written(session: Session) -> None:
         session.get_property(contract, "colour")
 
 
-def test_events_of_almemory(session: Session) -> None:
+def test_events_of_almemory(session: QiSession) -> None:
     heard: list[Any] = []
     subscriber = ask(session, "subscriber", "mine", service="ALMemory")
     listening = session.listen_to_object(subscriber, "signal", heard.append)
@@ -246,8 +246,8 @@ def test_events_of_almemory(session: Session) -> None:
         session.listen_to_object(subscriber, "zignal", heard.append)
 
 
-def test_closing_fails_what_waits(session: Session) -> None:
-    told: list[Call] = []
+def test_closing_fails_what_waits(session: QiSession) -> None:
+    told: list[QiCall] = []
     session.call(session.look_up("Contract"), "nap", 5.0, then=told.append, timeout=WITHIN_S)
     session.close("the link went down")
     assert [call.error for call in told] == ["the link went down"]
@@ -260,7 +260,7 @@ def test_a_robot_that_dies_is_told_at_once_and_nothing_hangs(kind: str, scheme: 
         session = open_session(port)
         session.authenticate()
         contract = session.look_up("Contract")
-        told: list[Call] = []
+        told: list[QiCall] = []
         session.call(contract, "nap", 60.0, then=told.append, timeout=120.0)
         server.kill()
         server.wait(WITHIN_S)

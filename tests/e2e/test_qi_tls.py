@@ -16,7 +16,7 @@ from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
 from urbihw.buses.messages import Configure, Refused
 from urbihw.buses.qi.login import Login
 from urbihw.buses.qi.opening import open_session
-from urbihw.buses.qi.session import Session
+from urbihw.buses.qi.session import QiSession
 from urbihw.platforms.nao.driver import NaoDriver
 from urbihw_fakes.nao.device import Nao
 from urbihw_fakes.nao.endpoint import NaoEndpoint
@@ -62,7 +62,7 @@ def robot(identity: Identity) -> Iterator[NaoEndpoint]:
 
 
 @contextlib.contextmanager
-def logged_in(url: str) -> Iterator[Session]:
+def logged_in(url: str) -> Iterator[QiSession]:
     """A session of the user."""
     with buses.open(url) as port:
         session = open_session(port)
@@ -71,7 +71,7 @@ def logged_in(url: str) -> Iterator[Session]:
         session.close("the test ends")
 
 
-def charge(session: Session) -> object:
+def charge(session: QiSession) -> object:
     """Something to ask for."""
     return session.wait(session.call(session.look_up("ALBattery"), "getBatteryCharge"))
 

@@ -16,7 +16,7 @@ from test_serve import Daemon, until
 
 from urbihw.buses.errors import LinkGone, Unavailable
 from urbihw.platforms.webots.controller_process import ControllerProcess
-from urbihw.platforms.webots.simulator import Order, Outcome
+from urbihw.platforms.webots.simulator import Outcome, StepOrder
 
 pytestmark = pytest.mark.e2e
 
@@ -137,7 +137,7 @@ def test_a_worker_that_is_killed_is_replaced_and_the_robot_stands(serve: Callabl
 # ---------------------------------------------------------------- Webots
 
 
-def outcome_of(process: ControllerProcess, ms: int, orders: list[Order]) -> Outcome:
+def outcome_of(process: ControllerProcess, ms: int, orders: list[StepOrder]) -> Outcome:
     found: list[Outcome] = []
     process.begin(ms, orders)
 
@@ -155,7 +155,7 @@ def test_a_controller_runs_in_a_process_of_its_own(monkeypatch: pytest.MonkeyPat
     process = ControllerProcess("ipc://1234/contract")
     try:
         assert process.world.name == "contract"
-        outcome = outcome_of(process, 20, [Order("enable", "acc", "", 20)])
+        outcome = outcome_of(process, 20, [StepOrder("enable", "acc", "", 20)])
         assert outcome.samples["acc"] == (0.0, 0.0, 9.81)
         os.kill(process._process.pid, signal.SIGKILL)
         process._process.wait()

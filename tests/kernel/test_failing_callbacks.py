@@ -105,7 +105,10 @@ class Talk:
     def census(self) -> Counter[str]:
         """What a callback might leave behind."""
         gc.collect()
-        kinds = ("Job", "Carrier", "Watch", "Subscription", "AtExpression", "Edge", "TagEntry", "Waiter", "Emission")
+        kinds = (
+            "Job", "Carrier", "ConditionWatch", "Subscription", "AtExpression", "Edge", "TagEntry", "Waiter",
+            "Emission",
+        )  # fmt: skip
         found = Counter(type(thing).__name__ for thing in gc.get_objects() if type(thing).__name__ in kinds)
         found.update(jobs=len(self.kernel.scheduler.jobs), timers=len(self.kernel.scheduler.timers))
         return found

@@ -251,7 +251,7 @@ def test_when_idle_waits_for_what_waits(kernel: Kernel) -> None:
 
 def test_a_refused_statement_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reader, "MAX_BYTES", 10_000)
-    made = reader.Reader()
+    made = reader.StatementReader()
     (refused,) = made.feed(b'f("' + b"a" * 20_000)
     assert isinstance(refused, reader.SyntaxProblem)
     assert refused.message == "statement too long (more than 10000 bytes): make several of it"

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from urbihw.kernel import Kernel
-from urbihw.kernel.compiler import Unit, compile_node
+from urbihw.kernel.compiler import CompiledUnit, compile_node
 from urbihw.kernel.lobby import templates
 from urbihw.kernel.lobby.templates import MAX_SKELETON_LENGTH, MAX_TEMPLATE_TEXT, TemplateUse, skeleton
 from urbihw.kernel.sched.clock import SimClock
@@ -99,7 +99,7 @@ def test_every_answer_is_what_it_was(session: list[str]) -> None:
 def test_the_third_statement_of_a_kind_is_neither_read_nor_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
     console, compiled = Console(), []
 
-    def counting(*args: Any, **named: Any) -> Unit:
+    def counting(*args: Any, **named: Any) -> CompiledUnit:
         compiled.append(args)
         return compile_node(*args, **named)
 

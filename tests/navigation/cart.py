@@ -10,8 +10,8 @@ from typing import Any
 from urbihw.kernel import Kernel
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.uobject import UObject, function
-from urbihw.navigation.base import Base, Scanner
-from urbihw.navigation.drive import Drive, Motion, State
+from urbihw.navigation.base import DrivenBase, Scanner
+from urbihw.navigation.drive import Drive, DriveMotion, State
 from urbihw.navigation.frames import Point, Pose
 from urbihw.navigation.navigator import Navigator
 from urbihw.navigation.odometry import Odometry
@@ -64,7 +64,7 @@ class Cart(UObject):
     def claim_motion(self) -> None:
         """See ``Base``."""
 
-    def begin_motion(self, motion: Motion) -> None:
+    def begin_motion(self, motion: DriveMotion) -> None:
         """See ``Base``."""
         self.drive.start(motion)
 
@@ -72,7 +72,7 @@ class Cart(UObject):
         """See ``Base``."""
         return self.near
 
-    def _ended(self, motion: Motion, how: str) -> None:
+    def _ended(self, motion: DriveMotion, how: str) -> None:
         self.planner.motion_ended(motion, how)
 
     def _step(self) -> None:
@@ -91,7 +91,7 @@ class Garage:
         self.kernel = Kernel(SimClock())
         self.lobby = self.kernel.open_lobby()
         self.cart = self.kernel.host.create(Cart, "cart")
-        base: Base = self.cart
+        base: DrivenBase = self.cart
         assert base.radius
         self.say(
             'at (cart.planner.pathPlanningEvent?(var how)) echo("path %s" % how);'

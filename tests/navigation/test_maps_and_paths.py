@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from urbihw.navigation import maps
-from urbihw.navigation.drive import Limits, State
+from urbihw.navigation.drive import DriveLimits, State
 from urbihw.navigation.follow import BLOCKED_TIMEOUT_S, PathFollower, Tolerance
 from urbihw.navigation.frames import compose, frame_of
 from urbihw.navigation.grid import MAX_CELLS, Grid
@@ -249,7 +249,7 @@ class Car:
     def __init__(self, path: list[tuple[float, float]], heading: float) -> None:
         self.pose = (*path[0], 0.0)
         self.room = math.inf
-        self.follow = PathFollower(path, heading, Limits(), lambda: self.pose, lambda _: self.room, Tolerance())
+        self.follow = PathFollower(path, heading, DriveLimits(), lambda: self.pose, lambda _: self.room, Tolerance())
         self.time = 0.0
         self.v = self.w = 0.0
 

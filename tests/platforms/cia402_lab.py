@@ -9,7 +9,7 @@ from lab import SpeakingLab
 from motions import Kind, Motion, Numbers, OtherMaster
 from slot_units import BUS, GAINS, TAUGHT, UnitTable
 
-from urbihw.buses.clock import SimClock
+from urbihw.buses.clock import BusSimClock
 from urbihw.buses.link import Context
 from urbihw_fakes.can.device import CanDevice
 from urbihw_fakes.can.records import Records
@@ -34,7 +34,7 @@ class Lab(SpeakingLab):
         return self.console_of(self.device, self.end, words_of(self.drive))
 
 
-class _Living(SimClock):
+class _Living(BusSimClock):
     """A clock on which the drive goes on living while somebody sleeps."""
 
     def __init__(self, lab: Lab) -> None:

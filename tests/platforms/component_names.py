@@ -30,15 +30,15 @@ PLACES: Final = (
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class ComponentRule:
     """A component: the allowed names of its parent (any, if empty), and the interfaces it may have as a device."""
 
     part_of: tuple[str, ...] = ()
     interfaces: tuple[str, ...] = ()
 
 
-def _part(part_of: str = "", interfaces: str = "") -> Part:
-    return Part(tuple(part_of.split()), tuple(interfaces.split()))
+def _part(part_of: str = "", interfaces: str = "") -> ComponentRule:
+    return ComponentRule(tuple(part_of.split()), tuple(interfaces.split()))
 
 
 _TURNING: Final = "body neck head hip knee ankle shoulder elbow wrist torso arm leg camera"
@@ -46,7 +46,7 @@ _TURNING: Final = "body neck head hip knee ankle shoulder elbow wrist torso arm 
 _ROTATION: Final = "RotationalMotor RotationalSpeedMotor"
 _TRANSLATION: Final = "LinearMotor LinearSpeedMotor"
 
-COMPONENTS: Final[dict[str, Part]] = {
+COMPONENTS: Final[dict[str, ComponentRule]] = {
     "robot": _part("", "Identity Network Mobile Tracker"),
     "body": _part("robot"),
     "wheel": _part("body", f"{_ROTATION} {_TRANSLATION}"),
@@ -94,7 +94,7 @@ COMPONENTS: Final[dict[str, Part]] = {
 }
 """The components listed in the manual's chapter 22."""
 
-DEVICES: Final[dict[str, Part]] = {
+DEVICES: Final[dict[str, ComponentRule]] = {
     "laser": _part("body head", "Laser"),  # "Localization", P3dx.body.laser
     "sonar": _part("body head", "DistanceSensor"),  # P3dx.body.sonar, Nao, TriBot
     "led": _part("body head eye ear foot", "Led"),  # "Localization", Spykee
@@ -115,40 +115,40 @@ DEVICES: Final[dict[str, Part]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
+class SlotUnit:
     """A unit, and a limit: a value beyond it is certainly in a wrong unit (degrees, millimetres, raw counts)."""
 
     least: float
     most: float
 
 
-UNITS: Final[dict[str, Unit]] = {
-    "1": Unit(-math.inf, math.inf),
-    "ratio": Unit(0.0, 1.0),
-    "%": Unit(-100.0, 100.0),
-    "m": Unit(-1e4, 1e4),
-    "cm": Unit(0.0, 1e4),
-    "m/s": Unit(-20.0, 20.0),
-    "m/s^2": Unit(-200.0, 200.0),
-    "rad": Unit(-4 * math.tau, 4 * math.tau),
-    "deg": Unit(-1e7, 1e7),
-    "rad/s": Unit(-150.0, 150.0),
-    "rad/s^2": Unit(-1e4, 1e4),
-    "turn": Unit(-1e5, 1e5),
-    "N": Unit(-1e4, 1e4),
-    "N m": Unit(-1e3, 1e3),
-    "Pa": Unit(0.0, 1e7),
-    "degC": Unit(-60.0, 200.0),
-    "V": Unit(0.0, 100.0),
-    "kg": Unit(0.0, 1e3),
-    "bit/s": Unit(0.0, 1e9),
-    "A": Unit(-200.0, 200.0),
-    "A h": Unit(0.0, 1e3),
-    "s": Unit(0.0, 1e6),
-    "ms": Unit(0.0, 1e9),
-    "Hz": Unit(0.0, 1e5),
-    "dB": Unit(-200.0, 200.0),
-    "pixel": Unit(0.0, 1e5),
+UNITS: Final[dict[str, SlotUnit]] = {
+    "1": SlotUnit(-math.inf, math.inf),
+    "ratio": SlotUnit(0.0, 1.0),
+    "%": SlotUnit(-100.0, 100.0),
+    "m": SlotUnit(-1e4, 1e4),
+    "cm": SlotUnit(0.0, 1e4),
+    "m/s": SlotUnit(-20.0, 20.0),
+    "m/s^2": SlotUnit(-200.0, 200.0),
+    "rad": SlotUnit(-4 * math.tau, 4 * math.tau),
+    "deg": SlotUnit(-1e7, 1e7),
+    "rad/s": SlotUnit(-150.0, 150.0),
+    "rad/s^2": SlotUnit(-1e4, 1e4),
+    "turn": SlotUnit(-1e5, 1e5),
+    "N": SlotUnit(-1e4, 1e4),
+    "N m": SlotUnit(-1e3, 1e3),
+    "Pa": SlotUnit(0.0, 1e7),
+    "degC": SlotUnit(-60.0, 200.0),
+    "V": SlotUnit(0.0, 100.0),
+    "kg": SlotUnit(0.0, 1e3),
+    "bit/s": SlotUnit(0.0, 1e9),
+    "A": SlotUnit(-200.0, 200.0),
+    "A h": SlotUnit(0.0, 1e3),
+    "s": SlotUnit(0.0, 1e6),
+    "ms": SlotUnit(0.0, 1e9),
+    "Hz": SlotUnit(0.0, 1e5),
+    "dB": SlotUnit(-200.0, 200.0),
+    "pixel": SlotUnit(0.0, 1e5),
 }
 """The units of all slots; "" is for slots that are no numbers.  The manual's NXT chapter has "deg" and "cm"."""
 

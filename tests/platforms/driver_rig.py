@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Self
 
 from urbihw.buses import messages as m
-from urbihw.buses.clock import SimClock
+from urbihw.buses.clock import BusSimClock
 from urbihw.buses.driver import Driver
 from urbihw.buses.link import Context, Url
 from urbihw.buses.pipe import PipeEnd, PipeLink
@@ -15,7 +15,7 @@ from urbihw_fakes.device import Device
 START = 100.0
 
 
-class LivingClock(SimClock):
+class LivingClock(BusSimClock):
     """A clock on which a robot lives on while somebody sleeps: ``live`` is called at least every ``period`` seconds."""
 
     def __init__(self, start: float, period: float, live: Callable[[float], None]) -> None:

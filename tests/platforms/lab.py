@@ -17,7 +17,7 @@ from types import SimpleNamespace
 from typing import Any, ClassVar, Self
 
 from urbihw.buses import messages as m
-from urbihw.buses.clock import SimClock as BusClock
+from urbihw.buses.clock import BusSimClock as BusClock
 from urbihw.buses.driver import driver_of
 from urbihw.buses.engine import Engine
 from urbihw.buses.errors import LinkGone

@@ -7,7 +7,7 @@ from typing import Any, Self
 from driver_rig import DriverRig
 
 from urbihw.buses.messages import Reply
-from urbihw.buses.qi.frames import CALL, POST, Framer
+from urbihw.buses.qi.frames import CALL, POST, QiFramer
 from urbihw.platforms.nao.driver import NaoDriver
 from urbihw_fakes.nao.body import Body
 from urbihw_fakes.nao.device import Nao
@@ -34,7 +34,7 @@ class Rig(DriverRig):
         return self.robot.body
 
     def receive(self, data: bytes, at: float) -> None:
-        self.asked += sum(message.type in (CALL, POST) for message in Framer().feed(data))
+        self.asked += sum(message.type in (CALL, POST) for message in QiFramer().feed(data))
         super().receive(data, at)
 
     def attach(self) -> Self:

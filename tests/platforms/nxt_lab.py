@@ -112,15 +112,15 @@ MOTION = Motion(
 _NXT_SENSOR: Final[Units] = {"1": "port raw", "s": "age"}
 UNITS: Final[UnitTable] = {
     "Nxt": BUS | {"m": "wheelRadius track", "rad/s": "fullSpeed"},
-    "Servo": {  # val in degrees: chapter 24, "Servo"
+    "NxtServo": {  # val in degrees: chapter 24, "Servo"
         "deg": "val", "rad": "angle", "turn": "turn", "%": "speed requested applied", "N m": "torque",
         "s": "age", "1": GAINS,
     },
     "SoundSensor": _NXT_SENSOR | {"ratio": "val"},
-    "LightSensor": _NXT_SENSOR | {"ratio": "val"},
+    "NxtLightSensor": _NXT_SENSOR | {"ratio": "val"},
     "UltraSonicSensor": {"cm": "val", "m": "distance", "s": "age", "1": "port"},
-    "Switch": {"1": "port raw val pressure", "s": "age"},
-    "Battery": BATTERY | {"ratio": "val remain"},
+    "NxtSwitch": {"1": "port raw val pressure", "s": "age"},
+    "NxtBattery": BATTERY | {"ratio": "val remain"},
     "NxtOdometry": ODOMETRY,
     "NxtPlanner": PLANNER,
     "robot": MOBILE,

@@ -6,13 +6,14 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from urbihw.buses import messages as m
-from urbihw.buses.can.frame import Frame
+from urbihw.buses.can.frame import CanFrame
 from urbihw.buses.can.port import CanPort
-from urbihw.buses.clock import SimClock
+from urbihw.buses.clock import BusSimClock
 from urbihw.buses.errors import BusTimeout, LinkGone
 from urbihw.buses.link import Context, Url
 from urbihw.platforms.segway.driver import BASE, RmpDriver
-from urbihw_fakes.can.node import CanFrame, Timed
+from urbihw_fakes.can.node import CanFrame as FakeFrame
+from urbihw_fakes.can.node import Timed
 from urbihw_fakes.segway.rmp import SegwayRmp
 
 T = TypeVar("T")
@@ -32,13 +33,13 @@ class RigPort(CanPort):
         others: frames that others put on the bus, to be read next.
     """
 
-    def __init__(self, base: SegwayRmp, clock: SimClock) -> None:
+    def __init__(self, base: SegwayRmp, clock: BusSimClock) -> None:
         super().__init__(Url.parse("can://pipe/rig"), Context(clock))
         self.base = base
-        self.sent: list[tuple[float, Frame]] = []
+        self.sent: list[tuple[float, CanFrame]] = []
         self.dead = self.full = self.deaf = False
-        self.lost: Callable[[Frame], bool] = lambda frame: False
-        self.others: list[Frame] = []
+        self.lost: Callable[[CanFrame], bool] = lambda frame: False
+        self.others: list[CanFrame] = []
 
     def _open(self) -> None:
         pass
@@ -46,15 +47,15 @@ class RigPort(CanPort):
     def _close(self) -> None:
         pass
 
-    def send(self, frame: Frame) -> None:
+    def send(self, frame: CanFrame) -> None:
         if self.dead:
             raise LinkGone("unplugged")
         if self.full:
             raise BusTimeout("full")
         self.sent.append((self.clock.now(), frame))
-        self.base.receive_frame(CanFrame(frame.id, frame.data), self.clock.now())
+        self.base.receive_frame(FakeFrame(frame.id, frame.data), self.clock.now())
 
-    def receive(self, limit: int, deadline: float) -> list[Frame]:
+    def receive(self, limit: int, deadline: float) -> list[CanFrame]:
         if self.dead:
             raise LinkGone("unplugged")
         said = [frame for frame in map(_plain, self.base.tick(self.clock.now())) if not self.lost(frame)]
@@ -62,8 +63,8 @@ class RigPort(CanPort):
         return [] if self.deaf else [*others, *said][:limit]
 
 
-def _plain(timed: Timed) -> Frame:
-    return Frame(*timed.frame)
+def _plain(timed: Timed) -> CanFrame:
+    return CanFrame(*timed.frame)
 
 
 class Rig:
@@ -71,7 +72,7 @@ class Rig:
 
     def __init__(self, base: SegwayRmp | None = None, **settings: Any) -> None:
         self.base = base if base is not None else SegwayRmp()
-        self.clock = SimClock(START)
+        self.clock = BusSimClock(START)
         self.port = RigPort(self.base, self.clock)
         self.driver = RmpDriver()
         self.driver.configure(m.Configure(rate=1 / TICK, **settings))

@@ -15,7 +15,7 @@ from p3dx_lab import Lab
 
 from urbihw.platforms import film, jpeg
 from urbihw.platforms.film import Film, check_url
-from urbihw.platforms.p3dx.options import Options
+from urbihw.platforms.p3dx.options import P3dxOptions
 from urbihw.settings import BadSetting
 from urbihw_fakes.netcamera import NetCamera, picture
 
@@ -177,4 +177,4 @@ def test_a_pioneer_shows_the_pictures_of_a_network_camera(camera: NetCamera) -> 
 
 def test_a_pioneer_with_a_wrong_url_says_so() -> None:
     with pytest.raises(BadSetting, match="camera_url"):
-        Options.of({"camera_url": "cam.jpg"})
+        P3dxOptions.of({"camera_url": "cam.jpg"})

@@ -62,11 +62,11 @@ def test_parameters_of_a_hokuyo_that_make_no_sense_are_refused(rows: dict[str, b
     usual = {"DMIN": b"20", "DMAX": b"5600", "ARES": b"1024", "AMIN": b"44", "AMAX": b"725", "AFRT": b"384"}
     lines = tuple(name.encode() + b":" + value + b";" for name, value in (usual | rows).items())
     with pytest.raises(BadFrame):
-        scip.parse_parameters(scip.Message("PP", "00", lines))
+        scip.parse_parameters(scip.ScipMessage("PP", "00", lines))
 
 
 def test_a_status_with_control_characters_is_damage() -> None:
-    framer = scip.Framer()
+    framer = scip.ScipFramer()
     status = b"\x1bc"
     assert framer.feed(b"PP\n" + status + b"%c" % scip.check_sum(status) + b"\n\n") == []
     assert framer.damaged == 1
@@ -91,7 +91,7 @@ def test_a_hokuyo_that_says_nothing_readable_of_itself_scans_all_the_same(monkey
     ids=["long headers", "text without end", "short telegrams", "starts"],
 )
 def test_a_flood_of_headers_keeps_the_worker_busy_for_moments_only(flood: bytes) -> None:
-    framer = cola.Framer()
+    framer = cola.ColaFramer()
     data = (flood * 65536)[:65536]
     begun = time.process_time()
     for _ in range(4):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from urbihw import platforms
-from urbihw.kernel.uobject import BadConfig, Robot
+from urbihw.kernel.uobject import BadConfig, PlatformRobot
 from urbihw.platforms.manifest import BadManifest, UsbId, read
 
 GOOD = 'name = "toy"\ntitle = "A toy"\nrobot = "robot:Toy"\nslot = "toy"\n'
@@ -24,7 +24,7 @@ def toy(root: Path, text: str = GOOD, code: str = "") -> Path:
 
 def test_all_of_ours_are_sound_and_their_robots_are_robots() -> None:
     for folder in platforms.folders():
-        assert issubclass(platforms.load(read(folder)), Robot)
+        assert issubclass(platforms.load(read(folder)), PlatformRobot)
 
 
 def test_the_bioloid() -> None:

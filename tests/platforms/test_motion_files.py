@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from urbihw.platforms.teach import mtn
-from urbihw.platforms.teach.course import LONGEST_STEP_S, Course, Key, Request, keys_of, keys_of_pages, repeat_keys
-from urbihw.platforms.teach.recording import BadMotion, Recording, Row, parse, times_of_key_poses
+from urbihw.platforms.teach.course import LONGEST_STEP_S, Course, EndRequest, Key, keys_of, keys_of_pages, repeat_keys
+from urbihw.platforms.teach.recording import BadMotion, MotionRecording, PoseRow, parse, times_of_key_poses
 from urbihw.platforms.teach.store import Store
 
 BOW = Path(__file__).parents[2] / "docs" / "examples" / "bow.mtn"
@@ -18,14 +18,14 @@ HEAD = '{"robot": "r", "unit": "rad", "rate": 25, "joints": ["a", "b"]}\n'
 
 
 def test_a_motion_survives_its_file() -> None:
-    motion = Recording("r", 25.0, ("a", "joint[2]"), (Row(0.0, (0.5, -1.25)), Row(0.04, (0.625, 3.0))))
+    motion = MotionRecording("r", 25.0, ("a", "joint[2]"), (PoseRow(0.0, (0.5, -1.25)), PoseRow(0.04, (0.625, 3.0))))
     assert parse(motion.text(), "x") == motion
 
 
 def test_a_file_edited_by_hand_may_have_comments() -> None:
     assert parse(f"# my wave\n\n{HEAD}# up\n[0, 1, 2]\n[0.5, 3, 4.5]\n", "x").rows == (
-        Row(0.0, (1.0, 2.0)),
-        Row(0.5, (3.0, 4.5)),
+        PoseRow(0.0, (1.0, 2.0)),
+        PoseRow(0.5, (3.0, 4.5)),
     )
 
 
@@ -59,7 +59,7 @@ def test_a_bad_file_is_refused_in_one_line(text: str, problem: str) -> None:
 def test_names_stay_in_the_folder(tmp_path: Path) -> None:
     store = Store(tmp_path / "motions", "motion")
     assert store.names() == []
-    motion = Recording("r", 0.0, ("a",), (Row(0.0, (1.0,)),))
+    motion = MotionRecording("r", 0.0, ("a",), (PoseRow(0.0, (1.0,)),))
     store.save("wave", motion)
     (tmp_path / "motions" / "bow.mtn").write_bytes(BOW.read_bytes())
     (tmp_path / "motions" / ".wave.jsonl").write_text("")
@@ -119,7 +119,7 @@ def test_a_bad_file_of_roboplus_is_refused_in_one_line(old: str, new: str, probl
     assert str(refused.value).startswith(problem) and "\n" not in str(refused.value)
 
 
-def _pages(first: str, request: Request, speed: float = 1.0) -> list[tuple[float, dict[str, int]]]:
+def _pages(first: str, request: EndRequest, speed: float = 1.0) -> list[tuple[float, dict[str, int]]]:
     motions = mtn.parse(BOW.read_bytes(), "x")
     page = motions.find(first)
     assert page is not None
@@ -135,19 +135,19 @@ def _pages(first: str, request: Request, speed: float = 1.0) -> list[tuple[float
 
 def test_pages_follow_one_another_with_repetitions_and_speed() -> None:
     up, nod, ready = {"1": 612, "2": 412, "3": 512}, {"1": 512, "2": 512, "3": 562}, dict.fromkeys("123", 512)
-    assert _pages("Bow", Request()) == [(0.8, up), (0.2, up), (0.8, nod)] * 2 + [(1.0, ready)]
-    assert _pages("Bow", Request(), 2.0)[0] == (0.4, up)
+    assert _pages("Bow", EndRequest()) == [(0.8, up), (0.2, up), (0.8, nod)] * 2 + [(1.0, ready)]
+    assert _pages("Bow", EndRequest(), 2.0)[0] == (0.4, up)
 
 
 def test_a_request_to_end_leads_to_the_exit_page() -> None:
-    assert [pose["3"] for _, pose in _pages("March", Request())] == [512] * 5 + [462]
+    assert [pose["3"] for _, pose in _pages("March", EndRequest())] == [512] * 5 + [462]
 
 
 # ---------------------------------------------------------------- where a joint is at each moment
 
 
-def _recording(*rows: tuple[float, float]) -> Recording:
-    return Recording("r", 25.0, ("a",), tuple(Row(time, (angle,)) for time, angle in rows))
+def _recording(*rows: tuple[float, float]) -> MotionRecording:
+    return MotionRecording("r", 25.0, ("a",), tuple(PoseRow(time, (angle,)) for time, angle in rows))
 
 
 def _track(course: Course, seconds: float, period: float = 0.01) -> list[float]:
@@ -162,7 +162,7 @@ def _track(course: Course, seconds: float, period: float = 0.01) -> list[float]:
 
 def test_the_way_to_the_begin_is_slow_and_gentle_and_the_motion_as_it_was() -> None:
     motion = _recording((3.0, 1.0), (4.0, 2.0), (4.5, 1.0))
-    track = _track(Course({"a": 0.0}, keys_of(motion, 1.0), 0.5, Request()), 10)
+    track = _track(Course({"a": 0.0}, keys_of(motion, 1.0), 0.5, EndRequest()), 10)
     speeds = [(new - old) / 0.01 for old, new in zip(track, track[1:], strict=False)]
     begin = round(math.pi / 2 / 0.5 * 100)
     assert max(speeds[:begin]) == pytest.approx(0.5, rel=0.01)
@@ -174,11 +174,11 @@ def test_the_way_to_the_begin_is_slow_and_gentle_and_the_motion_as_it_was() -> N
 
 def test_the_speed_is_a_factor() -> None:
     motion = _recording((0.0, 0.0), (2.0, 1.0))
-    assert len(_track(Course({"a": 0.0}, keys_of(motion, 0.5), 1.0, Request()), 9)) == pytest.approx(400, abs=2)
+    assert len(_track(Course({"a": 0.0}, keys_of(motion, 0.5), 1.0, EndRequest()), 9)) == pytest.approx(400, abs=2)
 
 
 def test_a_motion_goes_on_where_it_was_after_a_pause() -> None:
-    course = Course({"a": 0.0}, keys_of(_recording((0.0, 0.0), (10.0, 10.0)), 1.0), 1.0, Request())
+    course = Course({"a": 0.0}, keys_of(_recording((0.0, 0.0), (10.0, 10.0)), 1.0), 1.0, EndRequest())
     course.pose_at(0.0)
     before = course.pose_at(0.04)[0]
     assert course.pose_at(1000.0)[0] - before == pytest.approx(LONGEST_STEP_S)
@@ -186,12 +186,14 @@ def test_a_motion_goes_on_where_it_was_after_a_pause() -> None:
 
 def test_for_ever_is_no_endless_loop() -> None:
     """A pose repeated for ever, without any time of its own, still goes on in time."""
-    course = Course({"a": 0.0}, repeat_keys(lambda: iter([Key(0.0, {"a": 0.0})]), math.inf, Request()), 1.0, Request())
+    course = Course(
+        {"a": 0.0}, repeat_keys(lambda: iter([Key(0.0, {"a": 0.0})]), math.inf, EndRequest()), 1.0, EndRequest()
+    )
     assert course.pose_at(0.0) == course.pose_at(1.0) == [0.0]
 
 
 def test_a_request_ends_the_last_pass() -> None:
-    request = Request()
+    request = EndRequest()
     motion = _recording((0.0, 0.0), (1.0, 1.0))
     course = Course({"a": 0.0}, repeat_keys(lambda: keys_of(motion, 1.0), math.inf, request), 1.0, request)
     assert len(_track(course, 8)) == 800

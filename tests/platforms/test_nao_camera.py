@@ -11,7 +11,7 @@ import pytest
 from nao_lab import Lab, stand
 
 from urbihw.buses.errors import BadValue
-from urbihw.cli.pictures import Picture as ShownPicture
+from urbihw.cli.pictures import PictureFile as ShownPicture
 from urbihw.client.lines import Binary
 from urbihw.extras import install_command
 from urbihw.kernel.uobject import UImage

@@ -9,7 +9,7 @@ from nao_lab import stand
 from nao_rig import TICK, Rig
 
 from urbihw.buses.errors import LinkGone, Unavailable
-from urbihw.buses.messages import Configure, DeviceState, Found, Happened, Refused, Reply, Request, Samples, Targets
+from urbihw.buses.messages import Configure, DeviceReport, DeviceState, Found, Refused, Reply, Request, Samples, Targets
 from urbihw.platforms.nao.exchange import CYCLE_TIMEOUT_S
 from urbihw.platforms.nao.sense_part import SLOW_CYCLES
 from urbihw_fakes.nao.device import Nao
@@ -163,8 +163,8 @@ def test_events_of_memory_come_again_after_the_link_was_lost() -> None:
     rig.link.close()
     rig.attach()
     rig.robot.memory.touch("Head/Touch/Front", 1.0)
-    happened = [each for each in rig.run(0.2) if isinstance(each, Happened)]
-    assert happened == [Happened("event", "FrontTactilTouched", 1.0)]
+    happened = [each for each in rig.run(0.2) if isinstance(each, DeviceReport)]
+    assert happened == [DeviceReport("event", "FrontTactilTouched", 1.0)]
 
 
 def test_a_service_that_is_gone_when_the_link_is_back_fails_its_own_calls_only() -> None:

@@ -17,7 +17,7 @@ from urbihw.buses.qi.login_guard import LoginGuard
 from urbihw.platforms.nao.http_request import LARGEST
 from urbihw.platforms.nao.http_visitor import REQUEST_TIMEOUT_S, HttpVisitor, find_allowed_hosts, write_value
 from urbihw.platforms.nao.literals import DEEPEST, parse_call
-from urbihw.platforms.nao.options import Options
+from urbihw.platforms.nao.options import NaoOptions
 from urbihw.settings import BadSetting
 
 MODULE = """
@@ -321,7 +321,7 @@ def test_one_who_says_nothing_is_dismissed(http: HttpLab) -> None:
 
 
 def test_off_by_default() -> None:
-    assert (Options().module_http_port, Options().module_http_host) == (0, "127.0.0.1")
+    assert (NaoOptions().module_http_port, NaoOptions().module_http_host) == (0, "127.0.0.1")
 
 
 def test_nothing_listens_without_a_module(open_lab: Callable[..., HttpLab]) -> None:
@@ -345,7 +345,7 @@ def test_a_password_is_asked_for(open_lab: Callable[..., HttpLab]) -> None:
 @pytest.mark.parametrize("name", ["module_http_host", "module_host"])
 def test_a_host_must_be_an_address(name: str) -> None:
     with pytest.raises(BadSetting, match=f"options.{name}: takes an address such as 127.0.0.1, not 'robot'"):
-        Options.of({name: "robot"}).end_point()
+        NaoOptions.of({name: "robot"}).end_point()
 
 
 # ---------------------------------------------------------------- literals

@@ -13,8 +13,8 @@ from nao_lab import Lab, stand
 from nao_rig import TICK, Rig
 
 from urbihw.buses.errors import LinkGone, Unavailable
-from urbihw.buses.messages import Happened, Refused, Reply, Request, Targets
-from urbihw.buses.qi.frames import DYNAMIC, REPLY, Framer, Message
+from urbihw.buses.messages import DeviceReport, Refused, Reply, Request, Targets
+from urbihw.buses.qi.frames import DYNAMIC, REPLY, QiFramer, QiMessage
 from urbihw.buses.qi.values import encode
 from urbihw.platforms.nao.call_part import BEGUN, CallPart
 from urbihw.platforms.nao.finding import BODY_ID
@@ -187,8 +187,8 @@ def test_an_event_without_a_value_is_no_error_of_ours(values: tuple[Any, ...]) -
     (part,) = [each for each in rig.driver._parts if isinstance(each, CallPart)]
     ((_, listener),) = [each.handle for each in part._events.values() if each is not None]
     listener.heard(values)
-    told = [each for each in rig.run(0.1) if isinstance(each, Refused | Happened)]
-    assert [type(each) for each in told] == [Happened if values == (None,) else Refused]
+    told = [each for each in rig.run(0.1) if isinstance(each, Refused | DeviceReport)]
+    assert [type(each) for each in told] == [DeviceReport if values == (None,) else Refused]
 
 
 def test_words_of_the_robot_are_escaped_and_bounded() -> None:
@@ -219,9 +219,9 @@ def test_lies_to_all_calls_end_the_link_at_most(answer: Any) -> None:
     payload = encode("m", answer)
 
     def receive(data: bytes, at: float) -> None:
-        for message in Framer().feed(data):
+        for message in QiFramer().feed(data):
             address = message.service, message.object, message.action
-            rig.end.send(bytes(Message(REPLY, message.id, *address, payload, DYNAMIC)), at)
+            rig.end.send(bytes(QiMessage(REPLY, message.id, *address, payload, DYNAMIC)), at)
 
     rig.end.on_receive = receive
     told: list[Any] = []

@@ -50,7 +50,7 @@ class Motion:
         return self.active
 
 
-def advance(watchdog: w.Watchdog, seconds: float) -> None:
+def advance(watchdog: w.NaoWatchdog, seconds: float) -> None:
     """Let time pass."""
     for _ in range(round(seconds / TICK)):
         watchdog.advance(TICK)
@@ -58,7 +58,7 @@ def advance(watchdog: w.Watchdog, seconds: float) -> None:
 
 def test_it_stops_once_when_it_was_fed_and_then_not_in_time(caplog: pytest.LogCaptureFixture) -> None:
     motion = Motion()
-    watchdog = w.Watchdog(motion)
+    watchdog = w.NaoWatchdog(motion)
     advance(watchdog, 5.0)
     assert (watchdog.state(), motion.called) == ("off", []), "never fed: it does nothing"
     for _ in range(10):
@@ -76,7 +76,7 @@ def test_it_stops_once_when_it_was_fed_and_then_not_in_time(caplog: pytest.LogCa
 
 def test_all_is_killed_when_a_walk_does_not_end() -> None:
     motion = Motion()
-    watchdog = w.Watchdog(motion)
+    watchdog = w.NaoWatchdog(motion)
     watchdog.feed(0.5)
     advance(watchdog, 0.6 + w.STAND_S)
     assert motion.called == ["stopMove", "killAll"]
@@ -84,7 +84,7 @@ def test_all_is_killed_when_a_walk_does_not_end() -> None:
 
 def test_a_release_ends_it_and_a_feed_begins_it_again() -> None:
     motion = Motion()
-    watchdog = w.Watchdog(motion)
+    watchdog = w.NaoWatchdog(motion)
     watchdog.feed(0.5)
     watchdog.release()
     advance(watchdog, 2.0)
@@ -100,13 +100,13 @@ def test_a_release_ends_it_and_a_feed_begins_it_again() -> None:
 
 def test_a_stop_that_fails_is_tried_again() -> None:
     motion = Motion()
-    watchdog = w.Watchdog(motion)
+    watchdog = w.NaoWatchdog(motion)
     watchdog.feed(0.1)
     watchdog.advance(0.2)
     assert motion.called == ["stopMove"]
     motion = Motion()
     motion.fails = 2
-    watchdog = w.Watchdog(motion)
+    watchdog = w.NaoWatchdog(motion)
     watchdog.feed(0.1)
     for _ in range(2):
         with pytest.raises(RuntimeError, match="busy"):
@@ -117,14 +117,14 @@ def test_a_stop_that_fails_is_tried_again() -> None:
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, 11.0, float("nan"), float("inf")])
 def test_a_time_that_is_none_is_refused(seconds: float) -> None:
-    watchdog = w.Watchdog(Motion())
+    watchdog = w.NaoWatchdog(Motion())
     with pytest.raises(ValueError, match="give more than 0 and up to 10 seconds"):
         watchdog.feed(seconds)
     assert watchdog.state() == "off"
 
 
 def test_clients_see_four_methods() -> None:
-    service = w.Service(w.Watchdog(Motion()))
+    service = w.WatchdogService(w.NaoWatchdog(Motion()))
     assert sorted(name for name in dir(service) if not name.startswith("_")) == ["feed", "release", "state", "version"]
     service.feed(1.0)
     assert (service.state(), service.version()) == ("fed", w.VERSION)
@@ -282,7 +282,7 @@ def test_the_walk_is_ended_whatever_becomes_of_the_behaviours(gone: str) -> None
         return Memory()
 
     motion = Motion()
-    watchdog = w.Watchdog(motion, find_service)
+    watchdog = w.NaoWatchdog(motion, find_service)
     watchdog.feed(0.5)
     advance(watchdog, 0.6 + w.STAND_S)
     assert motion.called == ["stopMove", "killAll"]

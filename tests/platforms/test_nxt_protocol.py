@@ -45,7 +45,7 @@ def test_requests_are_those_captured(name: str, telegram: bytes) -> None:
 
 def test_replies_mean_what_the_captures_say() -> None:
     assert p.parse_battery(reply("battery")) == 7890
-    assert p.parse_version(reply("firmware")) == p.Version((1, 124), (1, 29))
+    assert p.parse_version(reply("firmware")) == p.BrickVersion((1, 124), (1, 29))
     assert p.parse_device_info(reply("device-info")) == p.BrickInfo("NXT", "00:16:53:01:02:03", 65536)
     assert p.parse_sleep_limit(reply("keep-alive")) == 600_000
     assert p.parse_output_state(reply("output-state")) == p.OutputState(1, 75, 7, 1, 0, 0x20, 0, -1234, -10, 720)
@@ -72,7 +72,7 @@ def test_replies_mean_what_the_captures_say() -> None:
     ],
 )
 def test_refusals_are_said_in_words(name: str, words: str) -> None:
-    with pytest.raises(p.Refused) as caught:
+    with pytest.raises(p.BrickRefused) as caught:
         p.body(reply(name), 0)
     assert words in str(caught.value)
 

@@ -10,7 +10,7 @@ from urbihw.buses.errors import BadFrame, BadValue
 from urbihw.navigation.lasers import lms200 as sick
 from urbihw.platforms.p3dx import commands, packets, sip
 from urbihw.platforms.p3dx.factors import ANGLE, FACTORS, factors_of
-from urbihw.platforms.p3dx.protocol import Framer, command
+from urbihw.platforms.p3dx.protocol import ArcosFramer, command
 from urbihw_fakes import captures
 
 EXCHANGES = captures.read("p3dx")
@@ -67,7 +67,7 @@ def received(name: str) -> bytes:
 
 def body(name: str) -> bytes:
     """The body of a packet of the robot."""
-    (found,) = Framer().feed(received(name))
+    (found,) = ArcosFramer().feed(received(name))
     return found
 
 
@@ -88,7 +88,7 @@ def test_commands_as_aria_sends_them(name: str) -> None:
 @pytest.mark.parametrize("name", [name for name in EXCHANGES if not name.startswith("sick-")])
 def test_every_packet_comes_through_the_framer(name: str) -> None:
     exchange = EXCHANGES[name]
-    framer = Framer()
+    framer = ArcosFramer()
     (found,) = framer.feed((exchange.sent + exchange.received)[0])
     assert framer.damaged == 0
     assert found == (exchange.sent + exchange.received)[0][3:-2]
@@ -167,14 +167,14 @@ def test_configuration_ends_early_and_the_rest_is_zero() -> None:
 
 def test_a_flipped_bit_is_seen_and_the_next_packet_is_not_lost() -> None:
     good = received("reply-sip-a")
-    framer = Framer()
+    framer = ArcosFramer()
     assert framer.feed(good[:-1] + bytes((good[-1] ^ 1,)) + good) == [good[3:-2]]
     assert framer.damaged == 1
 
 
 def test_a_truncated_packet_does_not_swallow_the_next() -> None:
     good = received("reply-sip-b")
-    framer = Framer()
+    framer = ArcosFramer()
     found = [found for _ in range(3) for found in framer.feed(good)]
     cut = framer.feed(good[:20] + good + good)
     assert found == [good[3:-2]] * 3
@@ -182,15 +182,15 @@ def test_a_truncated_packet_does_not_swallow_the_next() -> None:
 
 
 def test_a_doubled_first_byte_loses_nothing() -> None:
-    assert Framer().feed(bytes.fromhex("FA FA FB 03 00 00 00")) == [b"\0"]
+    assert ArcosFramer().feed(bytes.fromhex("FA FA FB 03 00 00 00")) == [b"\0"]
 
 
 def test_a_count_below_three_is_skipped() -> None:
-    assert Framer().feed(bytes.fromhex("FA FB 02 00 00 FA FB 03 01 00 01")) == [b"\1"]
+    assert ArcosFramer().feed(bytes.fromhex("FA FB 02 00 00 FA FB 03 01 00 01")) == [b"\1"]
 
 
 def test_bytes_may_come_one_by_one_between_garbage() -> None:
-    framer = Framer()
+    framer = ArcosFramer()
     stream = b"\xfa\x00\xfa" + sent("cmd-vel-plus-200") + b"\xfb\xfa" + sent("cmd-stop")
     assert [found for byte in stream for found in framer.feed(bytes((byte,)))] == [b"\x0b\x3b\xc8\x00", b"\x1d"]
 
@@ -256,13 +256,13 @@ def test_replies_of_the_laser() -> None:
     stream = b"\x06" + received("sick-reply-a0-ok-status-0x10") + b"\x06" + received(
         "sick-reply-bb-ok-180-1-0-status-0x10"
     )
-    mode, angles = sick.Framer().feed(stream)
-    assert mode == sick.Reply(sick.MODE_REPLY, b"\0", 0x10)
-    assert angles == sick.Reply(sick.VARIANT_REPLY, bytes.fromhex("01 B4 00 64 00"), 0x10)
+    mode, angles = sick.SickFramer().feed(stream)
+    assert mode == sick.SickReply(sick.MODE_REPLY, b"\0", 0x10)
+    assert angles == sick.SickReply(sick.VARIANT_REPLY, bytes.fromhex("01 B4 00 64 00"), 0x10)
 
 
 def test_scan() -> None:
-    (reply,) = sick.Framer().feed(received("sick-scan"))
+    (reply,) = sick.SickFramer().feed(received("sick-scan"))
     scan = sick.parse_scan(reply)
     assert scan.ranges == tuple((1000 + index) * 0.001 for index in range(181))
     assert scan.farthest == 8.182 and not scan.dirty
@@ -270,7 +270,7 @@ def test_scan() -> None:
 
 def test_readings_that_are_no_distances() -> None:
     data = bytes.fromhex("03 40 FF 1F F7 1F F6 FF")
-    scan = sick.parse_scan(sick.Reply(sick.SCAN, data, 0x80))
+    scan = sick.parse_scan(sick.SickReply(sick.SCAN, data, 0x80))
     assert list(scan.ranges) == pytest.approx([math.inf, math.inf, 8.182])
     assert scan.dirty
 
@@ -278,12 +278,12 @@ def test_readings_that_are_no_distances() -> None:
 @pytest.mark.parametrize("data", ["", "01", "02 40 00 00", "01 C0 00 00"])
 def test_scans_without_sense(data: str) -> None:
     with pytest.raises(BadFrame):
-        sick.parse_scan(sick.Reply(sick.SCAN, bytes.fromhex(data), 0))
+        sick.parse_scan(sick.SickReply(sick.SCAN, bytes.fromhex(data), 0))
 
 
 def test_damage_costs_one_telegram() -> None:
     good = received("sick-scan")
-    framer = sick.Framer()
+    framer = sick.SickFramer()
     replies = framer.feed(b"\x02\x02" + good[:200] + good + good[:-1] + b"\x00" + good)
     assert len(replies) == 2
     assert framer.damaged >= 1

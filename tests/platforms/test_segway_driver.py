@@ -9,7 +9,7 @@ import pytest
 from segway_rig import START, TICK, Rig
 
 from urbihw.buses import messages as m
-from urbihw.buses.can.frame import Frame
+from urbihw.buses.can.frame import CanFrame
 from urbihw.buses.errors import BadValue, LinkGone
 from urbihw.platforms.segway import protocol as p
 from urbihw.platforms.segway.driver import BASE, SPACING, BaseInfo
@@ -28,7 +28,7 @@ def test_the_base_is_found_when_it_is_heard_and_nothing_is_sent_before() -> None
     rig.port.deaf = False
     rig.run(0.1)
     assert rig.take(m.Found) == [m.Found((BaseInfo(2032, False),))]
-    assert {frame for _, frame in rig.port.sent} == {Frame(0x413, bytes(8))}
+    assert {frame for _, frame in rig.port.sent} == {CanFrame(0x413, bytes(8))}
 
 
 def test_a_command_goes_out_every_tick_and_starting_moves_nothing() -> None:
@@ -134,7 +134,7 @@ def test_a_silent_base_is_lost_and_comes_back_without_moving() -> None:
     assert [state.new for state in rig.take(m.DeviceState)] == ["back", "ok"]
     rig.run(1.0)
     assert rig.base.body.speed == 0.0
-    assert rig.take(m.Happened) == []
+    assert rig.take(m.DeviceReport) == []
 
 
 def test_a_base_that_was_switched_off_says_so_and_its_counters_go_on() -> None:
@@ -155,7 +155,7 @@ def test_a_base_that_was_switched_off_says_so_and_its_counters_go_on() -> None:
     rig.run(0.5)
     assert rig.base.reading().forward_count == 0
     assert rig.values()["forward"] == way
-    assert rig.take(m.Happened) == [m.Happened(BASE, "restarted")]
+    assert rig.take(m.DeviceReport) == [m.DeviceReport(BASE, "restarted")]
 
 
 def test_a_link_that_was_away_loses_no_way() -> None:
@@ -174,7 +174,7 @@ def test_a_link_that_was_away_loses_no_way() -> None:
     rig.run(0.5)
     assert rig.base.body.speed == 0.0
     assert rig.values()["forward"] == rig.base.reading().forward_count
-    assert rig.take(m.Happened) == []
+    assert rig.take(m.DeviceReport) == []
 
 
 def test_nobody_there_is_said_after_a_second() -> None:
@@ -233,7 +233,7 @@ def test_a_frame_that_stays_out_takes_its_own_values_and_no_others(identifier: i
     without(rig, seconds=0.1)
     assert set(rig.values()) == everything
     assert rig.values()["missing"] == 0
-    assert [message for message in rig.news if isinstance(message, m.DeviceState | m.Happened)] == []
+    assert [message for message in rig.news if isinstance(message, m.DeviceState | m.DeviceReport)] == []
     assert rig.driver.halted == ""
 
 
@@ -247,7 +247,7 @@ def test_a_frame_missing_now_and_then_takes_nothing() -> None:
     chance = random.Random(1)
     cycle = [0, 0]
 
-    def lost(frame: Frame) -> bool:
+    def lost(frame: CanFrame) -> bool:
         # One frame of every third cycle, at random.
         if frame.id == 0x400:
             cycle[:] = [cycle[0] + 1, chance.choice(FRAMES)]
@@ -288,7 +288,7 @@ def test_a_base_that_never_sends_a_frame_is_found(identifier: int) -> None:
 def test_a_line_opened_in_the_middle_of_a_cycle_waits_for_a_beginning() -> None:
     monitor = Monitor()
     base = SegwayRmp()
-    frames = [Frame(*frame) for step in range(3) for _, frame in base.tick(step / 100)]
+    frames = [CanFrame(*frame) for step in range(3) for _, frame in base.tick(step / 100)]
     for frame in frames[3:8]:
         monitor.add_frame(frame, 0.0)
     assert monitor.cycle_at is None
@@ -369,7 +369,7 @@ def test_a_base_that_fell_stands_when_it_is_lifted() -> None:
 def test_a_switch_off_of_one_cycle_is_noticed(fault: str, behind: float, phase: float) -> None:
     rig = driving()
     for _, frame in rig.base.tick(rig.clock.now() + phase):
-        rig.port.others.append(Frame(*frame))
+        rig.port.others.append(CanFrame(*frame))
     if fault == "estop":
         rig.base.estop = True
     elif fault == "fallen":
@@ -377,7 +377,7 @@ def test_a_switch_off_of_one_cycle_is_noticed(fault: str, behind: float, phase: 
     else:
         rig.base.mode = f.DISABLED
     said = rig.base.tick(rig.clock.now() + phase + 0.01)
-    rig.port.others += [Frame(*frame) for _, frame in said]
+    rig.port.others += [CanFrame(*frame) for _, frame in said]
     assert {frame.id for _, frame in said} >= {0x400, 0x680}
     rig.base.estop = rig.base.body.fallen = False
     rig.base.mode = f.TRACTOR
@@ -467,11 +467,11 @@ def test_commands_of_somebody_else_are_noticed_and_our_own_echo_is_not() -> None
     rig.run(0.1)
     rig.port.others = [frame for _, frame in rig.port.sent]
     rig.run(0.1)
-    assert rig.take(m.Happened) == []
+    assert rig.take(m.DeviceReport) == []
     for _ in range(100):
-        rig.port.others = [Frame(0x413, p.command(700, 0))]
+        rig.port.others = [CanFrame(0x413, p.command(700, 0))]
         rig.run(TICK)
-    assert rig.take(m.Happened) == [m.Happened(BASE, "commanded by another")]
+    assert rig.take(m.DeviceReport) == [m.DeviceReport(BASE, "commanded by another")]
 
 
 @pytest.mark.parametrize("data", [b"", b"\xff", b"\xff" * 8])
@@ -481,7 +481,7 @@ def test_frames_without_sense_do_no_harm(data: bytes) -> None:
     rig.aim(velocity=100)
     for identifier in range(0x800):
         if not 0x400 <= identifier <= 0x407 and identifier not in (0x412, 0x680):
-            rig.port.others.append(Frame(identifier, data))
+            rig.port.others.append(CanFrame(identifier, data))
     rig.run(1.0)
     assert rig.base.body.speed == pytest.approx(100 / 1176 * 3.576, abs=0.01)
 

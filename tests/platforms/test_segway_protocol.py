@@ -7,7 +7,7 @@ import random
 
 import pytest
 
-from urbihw.buses.can.frame import Frame
+from urbihw.buses.can.frame import CanFrame
 from urbihw.platforms.segway import protocol as p
 from urbihw.platforms.segway.monitor import Monitor
 from urbihw.platforms.segway.usb import UsbReader, packet
@@ -78,8 +78,8 @@ READ: dict[str, dict[str, float]] = {
 }
 
 
-def frame_of(data: bytes) -> Frame:
-    return Frame(int.from_bytes(data[:2], "big"), data[2:])
+def frame_of(data: bytes) -> CanFrame:
+    return CanFrame(int.from_bytes(data[:2], "big"), data[2:])
 
 
 @pytest.mark.parametrize("name", SENT)
@@ -90,14 +90,14 @@ def test_commands_are_those_documented(name: str) -> None:
         assert wanted[1] <= most
         wanted = p.command(0, 0, number, wanted[1])
     bus, usb = EXCHANGES[name].sent
-    frame = Frame(p.COMMAND, wanted)
+    frame = CanFrame(p.COMMAND, wanted)
     assert frame == frame_of(bus)
     assert packet(frame).hex(" ") == usb.hex(" ")
 
 
 def test_the_shutdown_is_the_one_documented() -> None:
     bus, usb = EXCHANGES["shutdown"].sent
-    frame = Frame(p.SHUTDOWN, bytes(8))
+    frame = CanFrame(p.SHUTDOWN, bytes(8))
     assert (frame, packet(frame)) == (frame_of(bus), usb)
 
 
@@ -175,9 +175,9 @@ def test_whatever_comes_nothing_breaks() -> None:
         piece = bytes(chance.choice(b"\xf0\x55\xaa\x00\x80\xff") for _ in range(chance.randrange(200)))
         for frame in reader.feed(piece + GOOD[: chance.randrange(len(GOOD) + 1)]):
             monitor.add_frame(frame, step / 100)
-        monitor.add_frame(Frame(chance.randrange(0x800), chance.randbytes(chance.randrange(9))), step / 100)
+        monitor.add_frame(CanFrame(chance.randrange(0x800), chance.randbytes(chance.randrange(9))), step / 100)
     for identifier in range(0x400, 0x408):
-        monitor.add_frame(Frame(identifier, chance.randbytes(8)), 4.0)
+        monitor.add_frame(CanFrame(identifier, chance.randbytes(8)), 4.0)
     assert monitor.heard_at == 4.0
 
 

@@ -10,7 +10,7 @@ from driver_rig import DriverRig
 from spykee_lab import Lab
 
 from urbihw.buses.errors import BadValue, LinkGone, Unavailable
-from urbihw.buses.messages import Found, Happened, Reply, Request, Samples, Targets, Watch
+from urbihw.buses.messages import DeviceReport, Found, Reply, Request, Samples, Targets, Watch
 from urbihw.buses.pipe import PipeLink
 from urbihw.platforms.spykee import bulk, session
 from urbihw.platforms.spykee import driver as d
@@ -74,7 +74,7 @@ def test_it_logs_in_waits_for_the_battery_and_only_then_may_be_moved() -> None:
     rig = Rig()
     rig.link.open()
     news = rig.driver.attach(rig.link)
-    assert news[0] == Found((session.RobotInfo("SPYKEE0011223344", "Spykee", "1.0.34", False, 87),))
+    assert news[0] == Found((session.SpykeeRobotInfo("SPYKEE0011223344", "Spykee", "1.0.34", False, 87),))
     assert isinstance(news[1], Samples) and news[1].values == {d.POWER: {"level": 87}}
     assert [data[2] for _, data in rig.written] == [p.LOGIN]
     # The robot hangs up when it is moved too early; it has not.
@@ -183,7 +183,7 @@ def test_the_dock_ends_what_was_wanted_of_the_tracks() -> None:
     rig.run(0.1)
     rig.robot.body.put_on_dock()
     news = rig.run(0.5)
-    assert Happened("dock", "docked") in news
+    assert DeviceReport("dock", "docked") in news
     assert rig.driver.halted == "the robot is on its dock"
     assert rig.moves()[-1] == p.move(0, 0)
 
@@ -236,7 +236,7 @@ def test_what_comes_in_one_piece_with_the_login_is_not_lost() -> None:
     rig.robot.receive = lambda data, now: rig.end.send(glued, now) or []  # type: ignore[method-assign, func-returns-value]
     rig.attach()
     news = rig.run(TICK)
-    assert Happened("dock", "docked") in news
+    assert DeviceReport("dock", "docked") in news
     assert news[-1].values == {d.POWER: {"level": -80}}
 
 

@@ -51,7 +51,7 @@ ACCEPTED = octets(
 
 
 def only(data: bytes) -> tuple[int, bytes]:
-    (packet,) = p.Framer().feed(data)
+    (packet,) = p.SpykeeFramer().feed(data)
     return packet
 
 
@@ -81,7 +81,7 @@ def test_a_sound_of_an_eighth_of_a_second_is_one_packet() -> None:
 @pytest.mark.parametrize("size", [1, 2, 3, 5, 7, 1000])
 def test_packets_are_cut_from_the_stream_however_it_comes(size: int) -> None:
     stream = ACCEPTED + octets("50 4b 03 00 01 57") + p.packet(p.VIDEO, b"\xff\xd8PKPK\xff\xd9" * 50)
-    framer, found = p.Framer(), []
+    framer, found = p.SpykeeFramer(), []
     for at in range(0, len(stream), size):
         found += framer.feed(stream[at : at + size])
     assert [kind for kind, _ in found] == [p.LOGIN_REPLY, p.POWER, p.VIDEO]
@@ -90,7 +90,7 @@ def test_packets_are_cut_from_the_stream_however_it_comes(size: int) -> None:
 @pytest.mark.parametrize("noise", [b"Q", b"PQ", b"PK\x03\x00\x01\x57X"])
 def test_what_is_no_packet_is_said_at_once(noise: bytes) -> None:
     with pytest.raises(BadFrame):
-        p.Framer().feed(noise)
+        p.SpykeeFramer().feed(noise)
 
 
 @pytest.mark.parametrize("cut", range(8, 34))

@@ -14,7 +14,7 @@ from spykee_lab import Lab
 
 from urbihw.kernel.uobject import UImage, USound
 from urbihw.platforms.jpeg import size_of
-from urbihw.platforms.sound import PIECE_SAMPLES, Recording
+from urbihw.platforms.sound import PIECE_SAMPLES, SoundRecording
 from urbihw.platforms.spykee.clapper import BLOCK_S, Counter
 from urbihw.platforms.streamed import LINGER_S
 
@@ -292,12 +292,12 @@ def test_a_sound_that_cannot_be_played_is_an_error_of_the_assignment() -> None:
         (USound(bytes(6), "raw 1 16000 24 1"), "8 or 16 bits"),
     ):
         with pytest.raises(ValueError, match=words):
-            Recording(sound, RATE)
+            SoundRecording(sound, RATE)
 
 
 @pytest.mark.parametrize("count", [0, 1, PIECE_SAMPLES, PIECE_SAMPLES + 1])
 def test_a_recording_has_the_samples_that_it_has(count: int) -> None:
-    recording = Recording(USound.of(array.array("h", range(count)).tobytes(), 1, RATE), RATE)
+    recording = SoundRecording(USound.of(array.array("h", range(count)).tobytes(), 1, RATE), RATE)
     assert numbers(b"".join(recording.pieces())) == array.array("h", range(count))
     assert recording.seconds == count / RATE
 

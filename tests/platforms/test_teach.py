@@ -17,7 +17,7 @@ import so101_lab
 from lab import RobotLab
 from motions import Scene
 
-from urbihw.platforms.teach.recording import Recording, Row, parse
+from urbihw.platforms.teach.recording import MotionRecording, PoseRow, parse
 from urbihw_fakes.bioloid import Bioloid as Kit
 from urbihw_fakes.dynamixel.ax12 import DEGREES, Ax12
 
@@ -61,7 +61,7 @@ def write(lab: RobotLab, name: str, joints: tuple[str, ...], *rows: tuple[float,
     """Write a motion as by hand."""
     folder = Path(lab.motions)
     folder.mkdir(exist_ok=True)
-    made = Recording("r", 25.0, joints, tuple(Row(time, tuple(angles)) for time, *angles in rows))
+    made = MotionRecording("r", 25.0, joints, tuple(PoseRow(time, tuple(angles)) for time, *angles in rows))
     (folder / f"{name}.jsonl").write_text(made.text())
 
 

@@ -12,7 +12,7 @@ from lab import RobotLab
 from nxt_lab import Lab as Nxt
 from slot_units import UnitTable
 
-from urbihw.kernel.stdlib.device_slots import Row
+from urbihw.kernel.stdlib.device_slots import SlotRow
 from urbihw.kernel.stdlib.documentation import Docstrings
 from urbihw.kernel.uobject.uobject import UObjectFace
 from urbihw.platforms import folders
@@ -24,7 +24,7 @@ class Shown(NamedTuple):
 
     names: tuple[str, ...]
     """Its names in the table above: model, names in Global, class."""
-    rows: list[Row]
+    rows: list[SlotRow]
 
 
 def devices_of(lab: RobotLab) -> list[Shown]:

@@ -50,15 +50,15 @@ def back_end(request: pytest.FixtureRequest) -> s.BackEnd:
     return WebotsRobot(import_controller(""))
 
 
-def enable(*names: str, period: int = 20) -> list[s.Order]:
-    return [s.Order("enable", name, "", period) for name in names]
+def enable(*names: str, period: int = 20) -> list[s.StepOrder]:
+    return [s.StepOrder("enable", name, "", period) for name in names]
 
 
-def write(name: str, item: str, value: Any) -> s.Order:
-    return s.Order("write", name, item, value)
+def write(name: str, item: str, value: Any) -> s.StepOrder:
+    return s.StepOrder("write", name, item, value)
 
 
-def run(back_end: s.BackEnd, steps: int, orders: list[s.Order] | None = None) -> s.Outcome:
+def run(back_end: s.BackEnd, steps: int, orders: list[s.StepOrder] | None = None) -> s.Outcome:
     """Some steps of 20 ms; the last outcome."""
     outcome = back_end.run(20, orders or [])
     for _ in range(steps - 1):
@@ -128,14 +128,14 @@ def test_a_motor_turns_by_speed_and_stops(back_end: s.BackEnd) -> None:
     assert turning["left wheel"][1] == pytest.approx(2.0, abs=0.1)
     assert turning["left wheel"][0] == pytest.approx(2.0, abs=0.2)
     assert turning["right wheel"][0] == pytest.approx(0.0, abs=0.01)
-    before = run(back_end, 20, [s.Order("stop", "left wheel")]).samples["left wheel"][0]
+    before = run(back_end, 20, [s.StepOrder("stop", "left wheel")]).samples["left wheel"][0]
     assert run(back_end, 20).samples["left wheel"][0] == pytest.approx(before, abs=0.01)
 
 
 def test_a_motor_that_is_stopped_on_its_way_holds_its_place(back_end: s.BackEnd) -> None:
     run(back_end, 2, enable("arm"))
     run(back_end, 20, [write("arm", "position", 1.5), write("arm", "max velocity", 1.0)])
-    stopped = run(back_end, 10, [s.Order("stop", "arm")]).samples["arm"][0]
+    stopped = run(back_end, 10, [s.StepOrder("stop", "arm")]).samples["arm"][0]
     assert stopped < 0.9
     assert run(back_end, 40).samples["arm"][0] == pytest.approx(stopped, abs=0.02)
 
@@ -159,13 +159,16 @@ def test_a_packet_arrives_with_the_next_step(back_end: s.BackEnd) -> None:
 def test_a_node_is_moved_and_turned(back_end: s.BackEnd) -> None:
     run(back_end, 2, enable(s.NODES + "wall"))
     turn = (0.0, 0.0, 0.5)
-    orders = [s.Order("move", "wall", "translation", (3.0, 1.0, 0.0)), s.Order("move", "wall", "rotation", turn)]
+    orders = [
+        s.StepOrder("move", "wall", "translation", (3.0, 1.0, 0.0)),
+        s.StepOrder("move", "wall", "rotation", turn),
+    ]
     assert run(back_end, 2, orders).samples[s.NODES + "wall"] == pytest.approx((3.0, 1.0, 0.0, *turn), abs=1e-6)
 
 
 def test_labels_leds_and_a_reset_of_the_physics_are_taken(back_end: s.BackEnd) -> None:
-    label = s.Label(1, "goal", 0.1, 0.2, 0.05, 1.0, 0.0, 0.0, 1.0)
-    orders = [s.Order("label", "", "", label), write("led0", "value", 1.0), s.Order("reset physics")]
+    label = s.LabelText(1, "goal", 0.1, 0.2, 0.05, 1.0, 0.0, 0.0, 1.0)
+    orders = [s.StepOrder("label", "", "", label), write("led0", "value", 1.0), s.StepOrder("reset physics")]
     outcome = run(back_end, 1, orders)
     assert outcome.problems == ()
 
@@ -183,7 +186,7 @@ def test_what_is_not_there_is_one_line(back_end: s.BackEnd) -> None:
 
 @pytest.mark.parametrize(("verb", "reason"), [("revert", s.REVERTED), ("quit", s.QUIT)])
 def test_a_reload_and_an_end_end_the_controller(back_end: s.BackEnd, verb: str, reason: str) -> None:
-    outcome = back_end.run(20, [s.Order(verb)])
+    outcome = back_end.run(20, [s.StepOrder(verb)])
     assert (outcome.ended, outcome.samples) == (reason, {})
 
 
@@ -199,8 +202,8 @@ def test_a_world_that_somebody_reloads_ends_the_controller(package: Any) -> None
 def test_a_label_and_a_colour_reach_webots(package: Any) -> None:
     back_end = WebotsRobot(package)
     robot = package.Robot.created
-    label = s.Label(1, "goal", 0.1, 0.2, 0.05, 1.0, 0.5, 0.0, 0.75)
-    back_end.run(20, [s.Order("label", "", "", label), write("led0", "value", 1.0), s.Order("reset physics")])
+    label = s.LabelText(1, "goal", 0.1, 0.2, 0.05, 1.0, 0.5, 0.0, 0.75)
+    back_end.run(20, [s.StepOrder("label", "", "", label), write("led0", "value", 1.0), s.StepOrder("reset physics")])
     assert robot.labels == {1: ("goal", 0.1, 0.2, 0.05, 0xFF8000, 0.25, "Arial")}
     assert robot.devices["led0"].get() == 0xFFFFFF
     assert robot.physics_resets == 1

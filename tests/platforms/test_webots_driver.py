@@ -5,21 +5,21 @@ from __future__ import annotations
 from typing import Any
 
 from urbihw.buses import messages as m
-from urbihw.buses.clock import SimClock
+from urbihw.buses.clock import BusSimClock
 from urbihw.platforms.webots.driver import GRANTED, SIMULATOR, SimulationDriver
 from urbihw.platforms.webots.port import SimulationPort
-from urbihw.platforms.webots.simulator import Order, Outcome, World
+from urbihw.platforms.webots.simulator import Outcome, SimulatedWorld, StepOrder
 
 
 class Counting:
     """A simulation that notes its steps, with their orders."""
 
-    world = World("one", "none", 20, (), (), False, "", "", "")
+    world = SimulatedWorld("one", "none", 20, (), (), False, "", "", "")
 
     def __init__(self) -> None:
         self.steps: list[list[str]] = []
 
-    def begin(self, ms: int, orders: list[Order]) -> None:
+    def begin(self, ms: int, orders: list[StepOrder]) -> None:
         """A step."""
         self.steps.append([order.verb for order in orders])
 
@@ -42,7 +42,7 @@ class Rig:
     """The driver with a simulated clock."""
 
     def __init__(self) -> None:
-        self.simulation, self.clock, self.driver = Counting(), SimClock(0.0), SimulationDriver()
+        self.simulation, self.clock, self.driver = Counting(), BusSimClock(0.0), SimulationDriver()
         port: Any = OpenPort.__new__(OpenPort)
         port.simulation, port.clock = self.simulation, self.clock
         self.driver.attach(port)
@@ -74,8 +74,8 @@ def test_the_first_step_waits_for_the_kernel_and_finds_its_orders() -> None:
 
 def test_each_step_waits_for_the_kernel_but_not_for_ever() -> None:
     rig = Rig()
-    assert [each for each in rig.tick(4.9) if isinstance(each, m.Happened)] == []
-    assert [each.what for each in rig.tick(0.2) if isinstance(each, m.Happened)] == ["held up"]
+    assert [each for each in rig.tick(4.9) if isinstance(each, m.DeviceReport)] == []
+    assert [each.what for each in rig.tick(0.2) if isinstance(each, m.DeviceReport)] == ["held up"]
     assert len(rig.simulation.steps) == 1
     rig.grant(1)
     rig.tick()

@@ -14,10 +14,10 @@ from typing import Any
 import pytest
 from webots_lab import Lab
 
-from urbihw.platforms.scene.drawing import Drawing
+from urbihw.platforms.scene.drawing import SceneDrawing
 from urbihw.platforms.scene.library import import_mujoco
 from urbihw.platforms.scene.painting import NoPictures, ViewPoint, load_model
-from urbihw.platforms.scene.recording import BadRecording, Recording
+from urbihw.platforms.scene.recording import BadRecording, SceneRecording
 from urbihw.platforms.scene.state import state_of, take_state, time_of
 from urbihw.platforms.webots import port as ports
 from urbihw.platforms.webots.scene import SimulatedScene
@@ -119,7 +119,7 @@ def test_a_recording_in_simulated_time_is_the_same_each_time(tmp_path: Path) -> 
         lab.say("worldView.record(10) | wander.start;")
         lab.run(3.0)
         lab.say(f'worldView.save("{file}");')
-        recording = Recording.parse(file.read_bytes())
+        recording = SceneRecording.parse(file.read_bytes())
         assert recording.model == PIONEER and recording.compiled == b""
         assert recording.period == pytest.approx(0.1, abs=0.021)  # of whole steps
         assert 25 <= len(recording.states) <= 31
@@ -131,7 +131,7 @@ def test_a_recording_in_simulated_time_is_the_same_each_time(tmp_path: Path) -> 
 
 def test_a_recording_has_a_bound(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("urbihw.platforms.scene.recording.MAX_BYTES", 100)
-    recording = Recording(Path("model.xml"), 20)
+    recording = SceneRecording(Path("model.xml"), 20)
     for _ in range(50):
         recording.add(b"12345678")
     assert len(recording.states) == 12
@@ -140,13 +140,13 @@ def test_a_recording_has_a_bound(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_compiled_model_is_kept_in_the_recording(tmp_path: Path) -> None:
     model = tmp_path / "model.mjb"
     model.write_bytes(b"model\nof bytes")
-    recording = Recording.begin(model, 20)
+    recording = SceneRecording.begin(model, 20)
     recording.add(b"\0" * 8)
     recording.add(b"\1" * 8)
-    again = Recording.parse(recording.data())
+    again = SceneRecording.parse(recording.data())
     assert again.compiled == b"model\nof bytes" and again.states == [b"\0" * 8, b"\1" * 8] and again.rate == 20
     with pytest.raises(ValueError, match=r"missing\.mjb cannot be read"):
-        Recording.begin(tmp_path / "missing.mjb", 20)
+        SceneRecording.begin(tmp_path / "missing.mjb", 20)
 
 
 @pytest.mark.parametrize("data", [
@@ -157,7 +157,7 @@ def test_a_compiled_model_is_kept_in_the_recording(tmp_path: Path) -> None:
 ])  # fmt: skip
 def test_what_is_no_recording_is_refused(data: bytes) -> None:
     with pytest.raises(BadRecording):
-        Recording.parse(data)
+        SceneRecording.parse(data)
 
 
 # ---------------------------------------------------------------- the object
@@ -200,7 +200,7 @@ class Gallery:
         self.pictures: list[bytes] = []
         self.problems: list[str] = []
         self._news = threading.Condition()
-        self.drawing = Drawing(self._post, lambda picture, _: self.pictures.append(picture), self.problems.append)
+        self.drawing = SceneDrawing(self._post, lambda picture, _: self.pictures.append(picture), self.problems.append)
 
     def _post(self, action: Callable[[], None]) -> None:
         with self._news:

@@ -23,7 +23,7 @@ from urbihw.kernel.uremote.rtp import (
     PIECE,
     SHARED_STREAM,
     SMALL_PIECE_SIZE,
-    Receiver,
+    RtpReceiver,
     Sender,
     stream_of,
 )
@@ -49,12 +49,12 @@ def test_a_packet_is_rtp() -> None:
 def test_pieces_in_any_order_and_twice() -> None:
     packets = Sender(SECRET, SOURCE).packets(PICTURE, 0.0) * 2
     random.Random(3).shuffle(packets)
-    receiver = Receiver(SECRET, SOURCE)
+    receiver = RtpReceiver(SECRET, SOURCE)
     assert [update for packet in packets for update in receiver.feed(packet)] == [PICTURE]
 
 
 def test_what_is_lost_is_dropped_and_the_next_one_is_whole() -> None:
-    sender, receiver = Sender(SECRET, SOURCE), Receiver(SECRET, SOURCE)
+    sender, receiver = Sender(SECRET, SOURCE), RtpReceiver(SECRET, SOURCE)
     first, second, third = (sender.packets(PICTURE, 0.0) for _ in range(3))
     arrived = first[:-1] + second + first[-1:] + third
     assert [update for packet in arrived for update in receiver.feed(packet)] == [PICTURE, PICTURE]
@@ -62,7 +62,7 @@ def test_what_is_lost_is_dropped_and_the_next_one_is_whole() -> None:
 
 
 def test_streams_do_not_disturb_each_other() -> None:
-    sender, receiver = Sender(SECRET, SOURCE), Receiver(SECRET, SOURCE)
+    sender, receiver = Sender(SECRET, SOURCE), RtpReceiver(SECRET, SOURCE)
     other = Update("mic.val", UImage(b"x" * 5000, "rgb 1 1"), 1)
     a, b = sender.packets(PICTURE, 0.0), sender.packets(other, 0.0)
     mixed = [packet for pair in zip(a, b, strict=False) for packet in pair] + a[len(b):]
@@ -72,7 +72,7 @@ def test_streams_do_not_disturb_each_other() -> None:
 
 def test_strangers_and_noise_are_left_out() -> None:
     dice = random.Random(2)
-    receiver = Receiver(SECRET, SOURCE)
+    receiver = RtpReceiver(SECRET, SOURCE)
     foreign = Sender(b"87654321", SOURCE).packets(PICTURE, 0.0) + Sender(SECRET, SOURCE + 1).packets(PICTURE, 0.0)
     packets = Sender(SECRET, SOURCE).packets(PICTURE, 0.0)
     for _ in range(3000):
@@ -94,7 +94,7 @@ def packet(stream: int, message: int, at: int, size: int, piece: bytes) -> bytes
 
 def test_what_is_announced_takes_no_memory_and_what_waits_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("urbihw.kernel.uremote.rtp.MAX_FRAME_SIZE", 100_000)
-    receiver = Receiver(SECRET, SOURCE)
+    receiver = RtpReceiver(SECRET, SOURCE)
     for number in range(1000):
         assert not list(receiver.feed(packet(number % 200, number, 0, 90_000, bytes(SMALL_PIECE_SIZE))))
         assert sum(len(piece) for one in receiver._streams.values() for piece in one.pieces.values()) <= 100_000
@@ -109,7 +109,7 @@ def test_what_is_announced_takes_no_memory_and_what_waits_is_bounded(monkeypatch
 
 
 def test_pieces_that_overlap_are_no_message() -> None:
-    receiver = Receiver(SECRET, SOURCE)
+    receiver = RtpReceiver(SECRET, SOURCE)
     content = b"".join(encode(Update("a.b", "x" * 4000, 1)))
     size = len(content)
     cuts = [(0, 2000), (1500, 3500), (size - 500, size)]

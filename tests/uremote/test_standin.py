@@ -14,7 +14,7 @@ from urbihw.kernel import Kernel
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.uobject import UObject, function
 from urbihw.kernel.uremote.bridge import Bridge
-from urbihw.kernel.uremote.remote import Reader
+from urbihw.kernel.uremote.remote import ServerReader
 
 RECORDING = Path(__file__).parent / "captures" / "standin-values.txt"
 
@@ -73,7 +73,7 @@ def value_of(answer: str) -> Any:
     assert text is not None, answer
     binary = re.compile(r'Global\.Binary\.new\("([^"]*)", "\\B\((\d+)\)\((.*?)\)"\)', re.DOTALL)
     plain = binary.sub(r"BIN \2 \1\n\3", text[1])
-    (line,) = Reader().feed(f"[00000001:__ExternalMessage__] {plain}\n".encode("latin-1"))
+    (line,) = ServerReader().feed(f"[00000001:__ExternalMessage__] {plain}\n".encode("latin-1"))
     return line.value
 
 

@@ -13,7 +13,7 @@ from urbihw.kernel.facade import HostProcess
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.uobject import UObject, event, function, owned, reading, variable
 from urbihw.kernel.uobject.registry import registry_of
-from urbihw.kernel.uremote.connection import MAX_CALLS, MAX_DECLARED, Connection
+from urbihw.kernel.uremote.connection import MAX_CALLS, MAX_DECLARED, RemoteConnection
 from urbihw.kernel.uremote.external import MAX_NAME_LENGTH
 
 DECLARED = (
@@ -71,10 +71,10 @@ class Company:
         """What it was told."""
         return [line.partition("] ")[2] for line in lobby.output.take_bytes().decode("latin-1").splitlines()]
 
-    def connection(self, lobby: Any) -> Connection:
+    def connection(self, lobby: Any) -> RemoteConnection:
         """The remote behind a lobby."""
         found = registry_of(self.kernel.world).connections[lobby]
-        assert isinstance(found, Connection)
+        assert isinstance(found, RemoteConnection)
         return found
 
     def unharmed(self) -> None:

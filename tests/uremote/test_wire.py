@@ -12,18 +12,18 @@ from urbihw.kernel.uobject.binary import UBinary, UImage
 from urbihw.kernel.uremote.frames import (
     MAX_VALUES,
     VALUES_PER_STEP,
-    BadFrame,
-    Decoder,
-    Emit,
+    BadBinaryFrame,
+    BinaryDecoder,
+    EmitRequest,
     Frame,
-    Program,
+    ProgramText,
     Result,
     SlotName,
-    TooLong,
+    StringTooLong,
     Update,
     encode,
 )
-from urbihw.kernel.uremote.remote import Message, ProtocolError, Reader, literal
+from urbihw.kernel.uremote.remote import ProtocolError, ServerLine, ServerReader, literal
 
 # The examples of the reference, section 7.
 EXAMPLES = [
@@ -32,8 +32,8 @@ EXAMPLES = [
         Update("object_18.a", 5.0, 0x5757ABA5A),
     ),
     ("0a 0003 5f3230 05 0002 6162", Result("_20", "ab")),
-    ("0b 0002 3b0a", Program(";\n")),
-    ("02 000c 6f626a6563745f31382e6576 00000000", Emit("object_18.ev", [])),
+    ("0b 0002 3b0a", ProgramText(";\n")),
+    ("02 000c 6f626a6563745f31382e6576 00000000", EmitRequest("object_18.ev", [])),
 ]
 
 
@@ -41,21 +41,21 @@ EXAMPLES = [
 def test_the_examples_of_the_reference(spaced: str, frame: Any) -> None:
     data = bytes.fromhex(spaced)
     assert b"".join(encode(frame)) == data
-    assert list(Decoder().feed(b"\x02\x04\x08\x08" + data)) == [frame]
+    assert list(BinaryDecoder().feed(b"\x02\x04\x08\x08" + data)) == [frame]
 
 
 FRAMES: list[Frame] = [
     Update("a.b", [1.0, "x", None, {"k": 2.5, "l": []}], 1 << 40),
     Update("a.c", UImage(bytes(range(12)), "rgb 2 2"), 0),
-    Emit("a.e", [UBinary(b"", ""), SlotName("a"), -0.5]),
-    Result("_1", None), Program("x|;"),
+    EmitRequest("a.e", [UBinary(b"", ""), SlotName("a"), -0.5]),
+    Result("_1", None), ProgramText("x|;"),
 ]
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 7, 1000])
 def test_frames_cut_anywhere(size: int) -> None:
     data = b"\n;\x02\x04\x08\x08" + b"".join(b"".join(encode(frame)) for frame in FRAMES)
-    decoder = Decoder()
+    decoder = BinaryDecoder()
     found: list[Frame] = []
     for at in range(0, len(data), size):
         found += decoder.feed(data[at : at + size])
@@ -63,23 +63,23 @@ def test_frames_cut_anywhere(size: int) -> None:
 
 
 def test_an_unknown_code_is_skipped() -> None:
-    decoder = Decoder()
-    assert list(decoder.feed(b"\x02\x04\x08\x08\x63\x05\x0b\x00\x01;")) == [Program(";")]
+    decoder = BinaryDecoder()
+    assert list(decoder.feed(b"\x02\x04\x08\x08\x63\x05\x0b\x00\x01;")) == [ProgramText(";")]
     assert decoder.skipped == [0x63, 5]
 
 
 def test_what_is_too_much_is_refused() -> None:
-    with pytest.raises(BadFrame, match="sizes 02 04 04 08"):
-        list(Decoder().feed(b"\x02\x04\x04\x08"))
-    with pytest.raises(BadFrame, match="more than 1000 bytes"):
-        list(Decoder(1000).feed(b"\x02\x04\x08\x08\x0b\xff\xff"))
-    with pytest.raises(TooLong, match="70000 bytes"):
+    with pytest.raises(BadBinaryFrame, match="sizes 02 04 04 08"):
+        list(BinaryDecoder().feed(b"\x02\x04\x04\x08"))
+    with pytest.raises(BadBinaryFrame, match="more than 1000 bytes"):
+        list(BinaryDecoder(1000).feed(b"\x02\x04\x08\x08\x0b\xff\xff"))
+    with pytest.raises(StringTooLong, match="70000 bytes"):
         encode(Result("_1", "x" * 70000))
     with pytest.raises(TypeError, match="a set cannot be sent"):
         encode(Result("_1", set()))
 
 
-class Counting(Decoder):
+class Counting(BinaryDecoder):
     """Counts the values that it begins to read."""
 
     begun = 0
@@ -98,7 +98,7 @@ def test_nothing_is_read_twice_however_slowly_it_comes() -> None:
 
 
 def test_a_large_frame_is_read_a_part_at_a_time() -> None:
-    decoder = Decoder()
+    decoder = BinaryDecoder()
     frame = Update("a.b", [1.0] * 5000, 1)
     decoder.add(b"\x02\x04\x08\x08" + b"".join(encode(frame)))
     pauses = 0
@@ -116,21 +116,21 @@ def test_a_large_frame_is_read_a_part_at_a_time() -> None:
     b"\x03\x00\x00\x00\x01" * 70, b"\x01\x00\x00\x00\x01\x00\x01k" * 70, b"\x09",
 ])
 def test_lengths_are_judged_before_anything_is_kept(value: bytes) -> None:
-    with pytest.raises(BadFrame):
-        list(Decoder().feed(b"\x02\x04\x08\x08\x01\x00\x03a.b" + value))
+    with pytest.raises(BadBinaryFrame):
+        list(BinaryDecoder().feed(b"\x02\x04\x08\x08\x01\x00\x03a.b" + value))
 
 
 def test_noise_never_does_more_than_be_refused() -> None:
     dice = random.Random(1)
     for _ in range(3000):
-        decoder = Decoder(1 << 16)
+        decoder = BinaryDecoder(1 << 16)
         try:
             for _ in range(4):
                 list(decoder.feed(b"\x02\x04\x08\x08" + dice.randbytes(30)))
-        except BadFrame:
+        except BadBinaryFrame:
             pass
     for _ in range(3000):
-        reader = Reader(1 << 12)
+        reader = ServerReader(1 << 12)
         try:
             for _ in range(4):
                 noise = bytes(dice.choice(b'[]",=>\\x 0139.BIN\n:_aE-') for _ in range(40))
@@ -158,8 +158,8 @@ LINES = [
 @pytest.mark.parametrize(("text", "value"), LINES)
 def test_lines_cut_anywhere(size: int, text: bytes, value: Any) -> None:
     data = b"[00001234] hello\n[00001235:__ExternalMessage__] " + text + b"\nnoise\n[00001236:error] !!! no\n"
-    reader = Reader()
-    found: list[Message] = []
+    reader = ServerReader()
+    found: list[ServerLine] = []
     for at in range(0, len(data), size):
         found += reader.feed(data[at : at + size])
     heads = [(line.stamp, line.channel) for line in found]
@@ -169,12 +169,14 @@ def test_lines_cut_anywhere(size: int, text: bytes, value: Any) -> None:
 
 @pytest.mark.parametrize("text", [b"[1, ]]", b"?", b"[1, BIN x\n]", b"[=> 1]", b'["a', b"[" * 100])
 def test_what_is_no_value_is_left_out_and_the_next_line_is_read(text: bytes) -> None:
-    lines = list(Reader().feed(b"[00000001:__ExternalMessage__] " + text + b"\n[00000002:__ExternalMessage__] [8]\n"))
+    lines = list(
+        ServerReader().feed(b"[00000001:__ExternalMessage__] " + text + b"\n[00000002:__ExternalMessage__] [8]\n")
+    )
     assert lines[-1].value == [8.0]
 
 
 def test_a_line_without_end_is_garbage() -> None:
-    reader = Reader(1000)
+    reader = ServerReader(1000)
     with pytest.raises(ProtocolError, match="more than 1000 bytes"):
         for _ in range(100):
             list(reader.feed(b'[00000001:x] "' + b"a" * 100))

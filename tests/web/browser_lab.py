@@ -19,7 +19,7 @@ from urbihw.client.where import Where
 from urbihw.web import gateway as gateway_module
 from urbihw.web.connections import Connections, accepting
 from urbihw.web.gateway import Gateway
-from urbihw.web.settings import Settings
+from urbihw.web.settings import WebSettings
 
 SCHEMA = json.loads(Path(gateway_module.__file__).with_name("protocol.json").read_text())
 WAIT_S = 10.0
@@ -177,7 +177,7 @@ async def site(folder: Path, tls: ssl.SSLContext | None = None) -> AsyncIterator
     await daemon.start()
     await worker.start()
     listener = socket.create_server(("127.0.0.1", 0))
-    settings = Settings(Where(str(daemon.path), 1), Credentials(environment={}), folder, worker.path, "toy", tls=tls)
+    settings = WebSettings(Where(str(daemon.path), 1), Credentials(environment={}), folder, worker.path, "toy", tls=tls)
     gateway = Gateway(settings, listener.getsockname()[1])
     running = asyncio.create_task(gateway.run())
     try:

@@ -18,7 +18,7 @@ from browser_lab import WAIT_S, Site, site
 from urbihw.daemon import tls
 from urbihw.web import attempts, connections, gateway
 from urbihw.web.attempts import Attempts
-from urbihw.web.session import Session
+from urbihw.web.session import WebSession
 
 
 def play(folder: Path, test: Callable[[Site], Awaitable[None]], context: ssl.SSLContext | None = None) -> None:
@@ -246,14 +246,14 @@ def test_one_browser_does_not_take_all_places(tmp_path: Path, monkeypatch: pytes
 
 def test_a_stop_does_not_wait_behind_the_requests_of_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     served = 0
-    take = Session._take
+    take = WebSession._take
 
-    def count(self: Session, request: Mapping[str, Any], is_too_fast: bool) -> None:
+    def count(self: WebSession, request: Mapping[str, Any], is_too_fast: bool) -> None:
         nonlocal served
         served += request.get("do") == "tree"
         take(self, request, is_too_fast)
 
-    monkeypatch.setattr(Session, "_take", count)
+    monkeypatch.setattr(WebSession, "_take", count)
 
     async def test(made: Site) -> None:
         floods = [await made.browser("view", f"flood{number}") for number in range(4)]

@@ -14,7 +14,7 @@ from browser_lab import SCHEMA, Site, check, site
 
 from urbihw.web import session
 from urbihw.web.lobby import LobbyLink
-from urbihw.web.outbox import Outbox
+from urbihw.web.outbox import WebOutbox
 from urbihw.web.tree import Tree
 from urbihw.web.verbs import VERBS
 
@@ -339,7 +339,7 @@ class Stuck:
 def test_a_slow_browser_gets_the_newest_samples_and_is_told_how_many_were_lost() -> None:
     async def run() -> None:
         flows: list[bool] = []
-        outbox, socket = Outbox(flows.append), Stuck()
+        outbox, socket = WebOutbox(flows.append), Stuck()
         task = asyncio.create_task(outbox.run(socket))
         for number in range(100):
             outbox.put_newest(1, {"event": "samples", "n": number, "lost": 2, "v": [float("nan")]}, kept=4)
@@ -362,7 +362,7 @@ def test_a_slow_browser_gets_the_newest_samples_and_is_told_how_many_were_lost()
 @pytest.mark.parametrize(("count", "length"), [(5000, 1), (100, 1_000_000)])
 def test_a_browser_that_reads_nothing_is_given_up(count: int, length: int) -> None:
     async def run() -> None:
-        outbox, socket = Outbox(), Stuck()
+        outbox, socket = WebOutbox(), Stuck()
         task = asyncio.create_task(outbox.run(socket))
         for number in range(count):
             outbox.put({"id": number, "text": "x" * length})

@@ -1,8 +1,8 @@
 """Time as an argument: the two clocks a bus can run on.
 
-Everything in `urbihw.buses` that needs to know or to wait for a time is handed a `Clock`. The daemon hands out a
-`RealClock`; tests hand out a `SimClock`, on which waiting is a jump, so that no test ever sleeps and every time stamp
-is exact.
+Everything in `urbihw.buses` that needs to know or to wait for a time is handed a `BusClock`. The daemon hands out a
+`BusRealClock`; tests hand out a `BusSimClock`, on which waiting is a jump, so that no test ever sleeps and every time
+stamp is exact.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Protocol
 _WAKE_UP_DELAY = 0.00005
 
 
-class Clock(Protocol):
+class BusClock(Protocol):
     """The clock interface of the buses: seconds since an arbitrary origin, never decreasing."""
 
     def now(self) -> float:
@@ -32,7 +32,7 @@ class Clock(Protocol):
         ...
 
 
-class RealClock:
+class BusRealClock:
     """The monotonic clock of the machine. It is the same in all processes, so time stamps can cross a pipe."""
 
     def __init__(self) -> None:
@@ -51,7 +51,7 @@ class RealClock:
         return select.select(descriptors, (), (), pause)[0]
 
 
-class SimClock:
+class BusSimClock:
     """A clock for tests: it stands still, and `sleep_until` moves it forward at once."""
 
     def __init__(self, start: float = 0.0) -> None:

@@ -22,7 +22,16 @@ from pathlib import Path
 from typing import Any, Final
 
 from urbihw.buses.errors import Unavailable
-from urbihw.buses.messages import DeviceState, FromWorker, Happened, Latched, LinkState, Samples, Statistics, Stopped
+from urbihw.buses.messages import (
+    DeviceReport,
+    DeviceState,
+    FromWorker,
+    Latched,
+    LinkState,
+    Samples,
+    Statistics,
+    Stopped,
+)
 
 STOP, ESTOP, RELEASE, STATE, SUBSCRIBE, HEALTH = "stop", "estop", "release", "state", "subscribe", "health"
 TRACE: Final = "trace"
@@ -45,7 +54,7 @@ MIN_VALUES_HZ: Final = 0.1
 MAX_VALUES_HZ: Final = 50.0
 MAX_WAITING_VALUES: Final = 4
 """Lines that wait for a client from which on values are left out: a plot wants the newest ones."""
-_EVENTS: Final = (Samples, DeviceState, LinkState, Happened, Stopped, Latched, Statistics)
+_EVENTS: Final = (Samples, DeviceState, LinkState, DeviceReport, Stopped, Latched, Statistics)
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from urbihw.buses.messages import (
     DeviceState,
     Found,
     FromWorker,
-    Gone,
+    GuestsGone,
     LinkState,
     Samples,
     Statistics,
@@ -93,7 +93,7 @@ class HealthRecord:
                 for each in message.devices:
                     number = getattr(each, "id", "")
                     self._models[number] = str(getattr(each, "name", "") or getattr(each, "model", ""))
-            case Gone():
+            case GuestsGone():
                 for device in message.devices:
                     for table in (self._models, self._states, self._values, self._heard_at, self._unusable):
                         table.pop(device, None)

@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from urbihw.buses.clock import Clock
+from urbihw.buses.clock import BusClock
 from urbihw.buses.control import ESTOP, RELEASE, STOP, ControlCommand, ControlSocket
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import EmergencyStop, Release, Stop, ToWorker
@@ -27,7 +27,7 @@ class Inbox:
     """
 
     def __init__(
-        self, mailbox: Mailbox, control: ControlSocket | None, clock: Clock, state: Callable[[], Mapping[str, Any]]
+        self, mailbox: Mailbox, control: ControlSocket | None, clock: BusClock, state: Callable[[], Mapping[str, Any]]
     ) -> None:
         self.urgent: deque[Stop | EmergencyStop | ControlCommand] = deque()
         self.messages: deque[ToWorker] = deque()

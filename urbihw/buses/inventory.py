@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from urbihw.buses.messages import DeviceState, Difference, Differences, ExpectedDevice, Found, FromWorker, Gone
+from urbihw.buses.messages import DeviceState, Difference, Differences, ExpectedDevice, Found, FromWorker, GuestsGone
 
 
 class Inventory:
@@ -33,7 +33,7 @@ class Inventory:
                 for each in message.devices:
                     self._found[each.id] = each.name, str(each.firmware)
                     self._lost.discard(each.id)
-            case Gone():
+            case GuestsGone():
                 for number in message.devices:
                     self._found.pop(number, None)
             case DeviceState(new="lost"):

@@ -13,15 +13,15 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 from urllib.parse import parse_qsl
 
-from urbihw.buses.clock import Clock, RealClock
+from urbihw.buses.clock import BusClock, BusRealClock
 from urbihw.buses.errors import BadUrl, LinkGone
-from urbihw.settings import Rule, from_texts
+from urbihw.settings import SettingRule, from_texts
 
 if TYPE_CHECKING:
     from urbihw.buses.pipe import PipeEnd
 
 DEFAULT_BAUD = 1_000_000  # factory speed of the AX series, the commonest bus here
-BAUD = Rule((int,), "a number such as 57600 or 1000000", least=1)
+BAUD = SettingRule((int,), "a number such as 57600 or 1000000", least=1)
 _BITS_PER_BYTE = 10  # start, 8 data, stop
 _FIND_THEIR_TARGET = {"spykee", "webots"}  # schemes of ports that look for their robot themselves
 _MOST_DISCARDED = 1 << 16  # far more than any system holds for a reader that sleeps
@@ -104,7 +104,7 @@ class Context:
         pipes: the far ends that `pipe://name` urls can reach, by name; only tests have any.
     """
 
-    clock: Clock = field(default_factory=RealClock)
+    clock: BusClock = field(default_factory=BusRealClock)
     pipes: Mapping[str, PipeEnd] = field(default_factory=dict)
 
 
@@ -137,7 +137,7 @@ class Port(ABC):
         self._is_open = False
 
     @classmethod
-    def parameters(cls, url: Url) -> Mapping[str, Rule]:
+    def parameters(cls, url: Url) -> Mapping[str, SettingRule]:
         """Return the rules of the parameters behind `?` of a url of this kind."""
         return {"baud": BAUD}
 

@@ -75,7 +75,7 @@ class Visitor(ABC):
         """The connection is closed."""
 
 
-class Listener:
+class BusListener:
     """A listening socket and its connections.
 
     Attributes:

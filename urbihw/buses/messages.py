@@ -247,7 +247,7 @@ class Difference:
 
 
 @dataclass(frozen=True, slots=True)
-class Gone:
+class GuestsGone:
     """Devices of another robot that was on the wire for a while: this one is back, and they are not looked for."""
 
     devices: tuple[Any, ...]
@@ -291,7 +291,7 @@ class DeviceState:
 
 
 @dataclass(frozen=True, slots=True)
-class Happened:
+class DeviceReport:
     """A device reports an event: a button, a fault, a text; the names `what` are defined by the family."""
 
     device: Any
@@ -424,10 +424,10 @@ ToWorker = (
 )
 FromWorker = (
     Found
-    | Gone
+    | GuestsGone
     | Differences
     | Samples
-    | Happened
+    | DeviceReport
     | DeviceState
     | LinkState
     | Reply

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from functools import partial
 from typing import Final
 
-from urbihw.buses.clock import Clock
+from urbihw.buses.clock import BusClock
 from urbihw.buses.control import ControlSocket
 from urbihw.buses.counter import StatisticsCounter
 from urbihw.buses.driver import Driver
@@ -40,7 +40,7 @@ class Reports:
         health: HealthRecord,
         inventory: Inventory,
         traffic: TrafficLog,
-        clock: Clock,
+        clock: BusClock,
     ) -> None:
         now = clock.now()
         self._mailbox = mailbox

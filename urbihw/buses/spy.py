@@ -12,7 +12,7 @@ from typing import TextIO
 
 from urbihw import buses
 from urbihw.buses.link import Context, Link, Url, byte_link
-from urbihw.settings import Rule
+from urbihw.settings import SettingRule
 
 
 class SpyLink(Link):
@@ -27,7 +27,7 @@ class SpyLink(Link):
         self._start = 0.0
 
     @classmethod
-    def parameters(cls, url: Url) -> Mapping[str, Rule]:
+    def parameters(cls, url: Url) -> Mapping[str, SettingRule]:
         """Return no rules: all parameters behind `?` belong to the inner link."""
         return {}
 

@@ -33,7 +33,7 @@ class Chunk(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Packet:
+class TracedPacket:
     """One packet.
 
     Attributes:
@@ -57,19 +57,19 @@ class Packet:
     data: bytes = b""
 
 
-class Decoder(ABC):
+class TraceDecoder(ABC):
     """Decodes the traffic of one wire."""
 
     @abstractmethod
-    def feed(self, chunk: Chunk) -> list[Packet]:
+    def feed(self, chunk: Chunk) -> list[TracedPacket]:
         """Return the packets that this chunk completes."""
 
-    def flush(self) -> list[Packet]:
+    def flush(self) -> list[TracedPacket]:
         """Return what is left at the end of the traffic."""
         return []
 
 
-MakeDecoder = Callable[[Sequence[Mapping[str, Any]]], Decoder]
+MakeDecoder = Callable[[Sequence[Mapping[str, Any]]], TraceDecoder]
 """Makes a decoder; the argument are the known devices, with the fields of the family's ``Found``, () if none."""
 
 
@@ -80,7 +80,7 @@ class Cut(NamedTuple):
     noise: bool = False
 
 
-class _Stream:
+class _Direction:
     """The bytes of one direction that are not decoded yet, with the times at which they came."""
 
     def __init__(self) -> None:
@@ -108,7 +108,7 @@ class _Stream:
         return time, taken
 
 
-class StreamDecoder(Decoder):
+class StreamDecoder(TraceDecoder):
     """Base for protocols on a stream: cuts each direction into packets.
 
     A subclass implements ``cut`` and ``decode``. With ``half_duplex`` a packet ends at the latest when the other
@@ -118,27 +118,27 @@ class StreamDecoder(Decoder):
     half_duplex = False
 
     def __init__(self) -> None:
-        self._streams: dict[Direction, _Stream] = {">": _Stream(), "<": _Stream()}
+        self._streams: dict[Direction, _Direction] = {">": _Direction(), "<": _Direction()}
 
     @abstractmethod
     def cut(self, direction: Direction, data: bytearray) -> Cut | None:
         """Return how these bytes begin, None if more are needed to tell."""
 
     @abstractmethod
-    def decode(self, time: float, direction: Direction, data: bytes) -> list[Packet]:
+    def decode(self, time: float, direction: Direction, data: bytes) -> list[TracedPacket]:
         """Return the packets of the bytes of one, usually one."""
 
-    def feed(self, chunk: Chunk) -> list[Packet]:
+    def feed(self, chunk: Chunk) -> list[TracedPacket]:
         """Return the packets that this chunk completes."""
         found = self._end("<" if chunk.direction == ">" else ">") if self.half_duplex else []
         self._streams[chunk.direction].add(chunk)
         return found + self._cut_all(chunk.direction)
 
-    def flush(self) -> list[Packet]:
+    def flush(self) -> list[TracedPacket]:
         """Return what is left at the end of the traffic."""
         return self._end(">") + self._end("<")
 
-    def _cut_all(self, direction: Direction) -> list[Packet]:
+    def _cut_all(self, direction: Direction) -> list[TracedPacket]:
         stream, found = self._streams[direction], []
         while stream.data and (piece := self.cut(direction, stream.data)) is not None:
             time, data = stream.take(max(piece.size, 1))
@@ -151,7 +151,7 @@ class StreamDecoder(Decoder):
             found += self.decode(time, direction, data)
         return found
 
-    def _end(self, direction: Direction) -> list[Packet]:
+    def _end(self, direction: Direction) -> list[TracedPacket]:
         """Return what is left of a direction that ends here."""
         stream, found = self._streams[direction], []
         while stream.data:
@@ -161,32 +161,32 @@ class StreamDecoder(Decoder):
         return found + self._noise_packets(direction)
 
     @staticmethod
-    def _add_noise(stream: _Stream, time: float, data: bytes) -> None:
+    def _add_noise(stream: _Direction, time: float, data: bytes) -> None:
         if not stream.noise:
             stream.noise_time = time
         stream.noise += data
 
-    def _noise_packets(self, direction: Direction) -> list[Packet]:
+    def _noise_packets(self, direction: Direction) -> list[TracedPacket]:
         stream = self._streams[direction]
         if not stream.noise:
             return []
         data = bytes(stream.noise)
         stream.noise.clear()
         problem = f"{len(data)} bytes are no packet"
-        return [Packet(stream.noise_time, direction, "", "?", hex_of(data), problem=problem, data=data)]
+        return [TracedPacket(stream.noise_time, direction, "", "?", hex_of(data), problem=problem, data=data)]
 
 
-class FrameDecoder(Decoder):
+class FrameDecoder(TraceDecoder):
     """Base for CAN: each chunk is a frame."""
 
     @abstractmethod
-    def decode(self, time: float, direction: Direction, identifier: int, data: bytes) -> Packet:
+    def decode(self, time: float, direction: Direction, identifier: int, data: bytes) -> TracedPacket:
         """Return the packet of a frame, whose check is that of the controller."""
 
-    def feed(self, chunk: Chunk) -> list[Packet]:
+    def feed(self, chunk: Chunk) -> list[TracedPacket]:
         """Return the packet of this frame."""
         if len(chunk.data) < 2:
-            return [Packet(*chunk[:2], "", "?", hex_of(chunk.data), problem="no frame", data=chunk.data)]
+            return [TracedPacket(*chunk[:2], "", "?", hex_of(chunk.data), problem="no frame", data=chunk.data)]
         identifier = int.from_bytes(chunk.data[:2], "big")
         return [self.decode(chunk.time, chunk.direction, identifier, chunk.data[2:])]
 

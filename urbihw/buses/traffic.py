@@ -10,7 +10,7 @@ from collections import deque
 from dataclasses import asdict, is_dataclass
 from typing import Any, Final
 
-from urbihw.buses.clock import Clock
+from urbihw.buses.clock import BusClock
 from urbihw.buses.link import Port
 from urbihw.buses.messages import Found, FromWorker
 
@@ -23,7 +23,7 @@ MOST_BYTES: Final = 1 << 18
 class TrafficLog:
     """Collects what one port moves, between two calls of `take`."""
 
-    def __init__(self, url: str, clock: Clock) -> None:
+    def __init__(self, url: str, clock: BusClock) -> None:
         self._url = url
         self._clock = clock
         self._devices: list[dict[str, Any]] = []

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from statistics import median
 from typing import Final
 
-from urbihw.buses.trace import Chunk, Decoder, Packet
+from urbihw.buses.trace import Chunk, TraceDecoder, TracedPacket
 
 _ANSWERS: Final = "status"
 _NO_ANSWER: Final = "no answer"
@@ -26,7 +26,7 @@ class BusMeter:
         silent: device -> how often it has not answered.
     """
 
-    def __init__(self, decoder: Decoder, byte_time: float) -> None:
+    def __init__(self, decoder: TraceDecoder, byte_time: float) -> None:
         """`byte_time`: seconds that a byte takes on the wire."""
         self.written = self.read = self.damaged = 0
         self.silent: dict[str, int] = defaultdict(int)
@@ -63,7 +63,7 @@ class BusMeter:
                 self._times[packet.device].append(late)
             self._free_at = chunk.time
 
-    def _count(self, packets: Iterable[Packet]) -> None:
+    def _count(self, packets: Iterable[TracedPacket]) -> None:
         for packet in packets:
             self.damaged += packet.what == "?"
             if packet.what == _NO_ANSWER:

@@ -25,7 +25,7 @@ import usb.util  # type: ignore[import-untyped]
 
 from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
 from urbihw.buses.link import Context, Link, Url
-from urbihw.settings import TEXT, Rule
+from urbihw.settings import TEXT, SettingRule
 
 FULL_SPEED: Final = 12_000_000
 _WRITE_TIMEOUT_MS = 1000  # ms
@@ -51,7 +51,7 @@ class UsbLink(Link):
         self._rest = b""
 
     @classmethod
-    def parameters(cls, url: Url) -> Mapping[str, Rule]:
+    def parameters(cls, url: Url) -> Mapping[str, SettingRule]:
         """Return the rules of the parameters that the head of this file lists."""
         return {"serial": TEXT, "backend": TEXT, "at": TEXT}
 

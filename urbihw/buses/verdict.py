@@ -46,7 +46,7 @@ class Level(IntEnum):
         return self.name.lower()
 
 
-class Finding(NamedTuple):
+class Reason(NamedTuple):
     """A reason of a verdict: `device` as it is shown, "" for the robot; `kind` is a fixed word for programs."""
 
     level: Level
@@ -58,7 +58,7 @@ class Finding(NamedTuple):
         return f"{self.device}: {self.text}" if self.device else self.text
 
 
-def judge(told: Mapping[str, Any]) -> list[Finding]:
+def judge(told: Mapping[str, Any]) -> list[Reason]:
     """Return the reasons, the worst first; none if all is well."""
     found = [*_robot(told), *_bus(table_in(told, "bus")), *_inventory(told)]
     missing = {str(row.get("id")) for row in rows_in(told, "missing")}
@@ -75,7 +75,7 @@ def error_level(kind: str, count: float, ticks: float) -> Level:
     return Level.BAD if count > BAD_ERROR_SHARE * ticks and kind not in _AT_MOST_A_WARNING else Level.WARNING
 
 
-def level_of(findings: list[Finding]) -> Level:
+def level_of(findings: list[Reason]) -> Level:
     """Return the verdict: the worst of the reasons."""
     return max((finding.level for finding in findings), default=Level.OK)
 
@@ -86,86 +86,86 @@ def device_name(row: Mapping[str, Any]) -> str:
     return f"{name} ({number})" if name else number
 
 
-def _robot(told: Mapping[str, Any]) -> Iterator[Finding]:
+def _robot(told: Mapping[str, Any]) -> Iterator[Reason]:
     if not told.get("link"):
-        yield Finding(Level.BAD, "link", "", f"no link: {told.get('link_reason') or 'the robot was never there'}")
+        yield Reason(Level.BAD, "link", "", f"no link: {told.get('link_reason') or 'the robot was never there'}")
     if told.get("estop"):
-        yield Finding(Level.BAD, "estop", "", f"emergency stop by {told['estop']}; urbihw release ends it")
+        yield Reason(Level.BAD, "estop", "", f"emergency stop by {told['estop']}; urbihw release ends it")
     dead_man = table_in(told, "dead_man")
     if dead_man.get("fired"):
         age = number_in(dead_man, "age")
         text = f"no sign of life from the daemon for {age:.1f} s: the robot is stopped"
-        yield Finding(Level.BAD, "dead_man", "", text)
+        yield Reason(Level.BAD, "dead_man", "", text)
     last = table_in(told, "last_stop")
     reason = str(last.get("reason", ""))
     if not dead_man.get("fired") and reason.startswith("no sign of life") and number_in(last, "age") < RECENT_STOP_S:
-        yield Finding(Level.WARNING, "dead_man", "", f"stopped {number_in(last, 'age'):.0f} s ago: {reason}")
+        yield Reason(Level.WARNING, "dead_man", "", f"stopped {number_in(last, 'age'):.0f} s ago: {reason}")
     restarts = number_in(told, "restarts")
     if restarts:
-        yield Finding(Level.WARNING, "restarts", "", f"the bus worker was replaced {restarts:.0f} times")
+        yield Reason(Level.WARNING, "restarts", "", f"the bus worker was replaced {restarts:.0f} times")
 
 
-def _bus(bus: Mapping[str, Any]) -> Iterator[Finding]:
+def _bus(bus: Mapping[str, Any]) -> Iterator[Reason]:
     late, seconds = number_in(bus, "late_share"), number_in(bus, "recent_seconds")
     rate, wanted = number_in(bus, "rate"), number_in(bus, "wanted_rate")
     if seconds < SHORTEST_S:
         return
     if late > LATE_SHARE:
-        yield Finding(Level.WARNING, "late", "", f"{100 * late:.1f} % of the ticks of the last minute are late")
+        yield Reason(Level.WARNING, "late", "", f"{100 * late:.1f} % of the ticks of the last minute are late")
     elif rate < SLOW_SHARE * wanted:
-        yield Finding(Level.WARNING, "rate", "", f"{rate:.0f} Hz instead of {wanted:.0f}")
+        yield Reason(Level.WARNING, "rate", "", f"{rate:.0f} Hz instead of {wanted:.0f}")
     errors = table_in(bus, "recent_errors")
     for kind in errors:
         count = number_in(errors, kind)
         level = error_level(kind, count, wanted * seconds)
         if level:
-            yield Finding(level, "errors", "", f"{count:.0f} {kind} on the wire in {seconds:.0f} s")
+            yield Reason(level, "errors", "", f"{count:.0f} {kind} on the wire in {seconds:.0f} s")
 
 
-def _inventory(told: Mapping[str, Any]) -> Iterator[Finding]:
+def _inventory(told: Mapping[str, Any]) -> Iterator[Reason]:
     if not told.get("link"):
         return
     for row in rows_in(told, "missing"):
-        yield Finding(Level.BAD, "missing", device_name(row), f"missing, expected {row.get('expected')}")
+        yield Reason(Level.BAD, "missing", device_name(row), f"missing, expected {row.get('expected')}")
     for row in rows_in(told, "other"):
-        yield Finding(Level.WARNING, "other", device_name(row), f"is {row.get('found')}, not {row.get('expected')}")
+        yield Reason(Level.WARNING, "other", device_name(row), f"is {row.get('found')}, not {row.get('expected')}")
     for row in rows_in(told, "unexpected"):
-        yield Finding(Level.WARNING, "unexpected", device_name(row), f"not expected ({row.get('found')})")
+        yield Reason(Level.WARNING, "unexpected", device_name(row), f"not expected ({row.get('found')})")
 
 
-def _device(row: Mapping[str, Any]) -> Iterator[Finding]:
+def _device(row: Mapping[str, Any]) -> Iterator[Reason]:
     name, state = device_name(row), row.get("state")
     if state == "lost":
-        yield Finding(Level.BAD, "lost", name, f"lost: {row.get('reason') or 'no answer'}")
+        yield Reason(Level.BAD, "lost", name, f"lost: {row.get('reason') or 'no answer'}")
         return
     if state == "suspect":
-        yield Finding(Level.WARNING, "suspect", name, f"suspect: {row.get('reason') or 'no answer'}")
+        yield Reason(Level.WARNING, "suspect", name, f"suspect: {row.get('reason') or 'no answer'}")
     if row.get("alarm"):
-        yield Finding(Level.BAD, "alarm", name, f"alarm: {row['alarm']}")
+        yield Reason(Level.BAD, "alarm", name, f"alarm: {row['alarm']}")
     # A device that is not read at a period sends when it has something to say.
     is_read = _is_number(row.get("age")) and _is_number(row.get("period")) and state != "suspect"
     if is_read and number_in(row, "age") > max(MAX_AGE_S, MAX_PERIODS * number_in(row, "period")):
-        yield Finding(Level.WARNING, "stale", name, f"last answer {number_in(row, 'age'):.1f} s ago")
+        yield Reason(Level.WARNING, "stale", name, f"last answer {number_in(row, 'age'):.1f} s ago")
     for passed in rows_in(row, "passed"):
         level = Level.BAD if passed.get("holds") else Level.WARNING
-        yield Finding(level, "limit", name, f"beyond {passed.get('name')}" + ("; held" if passed.get("holds") else ""))
+        yield Reason(level, "limit", name, f"beyond {passed.get('name')}" + ("; held" if passed.get("holds") else ""))
     yield from _ranges(name, table_in(row, "values"), table_in(row, "limits"))
 
 
-def _ranges(name: str, values: Mapping[str, Any], limits: Mapping[str, Any]) -> Iterator[Finding]:
+def _ranges(name: str, values: Mapping[str, Any], limits: Mapping[str, Any]) -> Iterator[Reason]:
     """Temperature and voltage beside the range of the model, and what is left in a battery."""
     temperature, (_, hot) = values.get("temperature"), _pair(limits.get("temperature"))
     if _is_number(temperature) and _is_number(hot) and temperature > hot - NEAR_LIMIT_DEGC:
         level, words = (Level.BAD, "beyond") if temperature > hot else (Level.WARNING, "near")
-        yield Finding(level, "temperature", name, f"{temperature:.0f} degC, {words} its limit of {hot:.0f}")
+        yield Reason(level, "temperature", name, f"{temperature:.0f} degC, {words} its limit of {hot:.0f}")
     voltage, (low, high) = values.get("voltage"), _pair(limits.get("voltage"))
     if _is_number(voltage) and _is_number(low) and voltage < low:
-        yield Finding(Level.BAD, "voltage", name, f"{voltage:.1f} V, below its limit of {low:.1f}")
+        yield Reason(Level.BAD, "voltage", name, f"{voltage:.1f} V, below its limit of {low:.1f}")
     if _is_number(voltage) and _is_number(high) and voltage > high:
-        yield Finding(Level.BAD, "voltage", name, f"{voltage:.1f} V, above its limit of {high:.1f}")
+        yield Reason(Level.BAD, "voltage", name, f"{voltage:.1f} V, above its limit of {high:.1f}")
     charge = values.get("charge")
     if charge is not None and _is_number(charge) and charge < LOW_CHARGE:
-        yield Finding(Level.WARNING, "charge", name, f"{100 * charge:.0f} % of its charge left")
+        yield Reason(Level.WARNING, "charge", name, f"{100 * charge:.0f} % of its charge left")
 
 
 def _is_number(value: Any) -> bool:

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from typing import Final, TextIO
 
-from urbihw.buses.servos.hand_calibration import Joint
+from urbihw.buses.servos.hand_calibration import CalibratedJoint
 from urbihw.cli.rows import RowsInPlace
 
 _WIDTH: Final = 40
@@ -22,7 +22,7 @@ class RangeDisplay:
         self._next_line = 0.0
         self._shown: list[str] = []
 
-    def show(self, joints: Sequence[Joint], now: float) -> None:
+    def show(self, joints: Sequence[CalibratedJoint], now: float) -> None:
         """Show the joints; `now` in seconds bounds the number of lines that a pipe gets."""
         if self._stream.isatty():
             self._rows.show(self._stream, [bar(joint) for joint in joints])
@@ -30,14 +30,14 @@ class RangeDisplay:
             self._next_line = now + _LINE_PERIOD_S
             self._print_changes(joints)
 
-    def finish(self, joints: Sequence[Joint], now: float) -> None:
+    def finish(self, joints: Sequence[CalibratedJoint], now: float) -> None:
         """Show the final state."""
         self._next_line = now
         self.show(joints, now)
         self._rows.leave()
         self._shown = []
 
-    def _print_changes(self, joints: Sequence[Joint]) -> None:
+    def _print_changes(self, joints: Sequence[CalibratedJoint]) -> None:
         lines = [f"{joint.name} {joint.low}..{joint.high}" for joint in joints if joint.is_measured]
         for line in lines:
             if line not in self._shown:
@@ -45,7 +45,7 @@ class RangeDisplay:
         self._shown = lines
 
 
-def bar(joint: Joint) -> str:
+def bar(joint: CalibratedJoint) -> str:
     """One joint as a line: its range so far, and where it is in it."""
     span = max(joint.high - joint.low, 1)
     place = round((joint.present - joint.low) / span * (_WIDTH - 1))

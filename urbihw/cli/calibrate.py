@@ -15,12 +15,18 @@ from typing import Final
 
 from urbihw.buses.servos import calibration, registers_file
 from urbihw.buses.servos.calibration import JointCalibration
-from urbihw.buses.servos.device import Device
-from urbihw.buses.servos.hand_calibration import HandCalibration, Joint, named, register_changes, write_calibration
+from urbihw.buses.servos.device import ServoDevice
+from urbihw.buses.servos.hand_calibration import (
+    CalibratedJoint,
+    HandCalibration,
+    named,
+    register_changes,
+    write_calibration,
+)
 from urbihw.buses.servos.registers import ServoError
 from urbihw.cli.bars import RangeDisplay
 from urbihw.cli.servo import carry_out
-from urbihw.cli.servo_verbs import Job, devices, read_backups, tell_problems, title
+from urbihw.cli.servo_verbs import VerbJob, devices, read_backups, tell_problems, title
 from urbihw.daemon.config import load
 from urbihw.exitcodes import EX_CONFIG, EX_OK
 from urbihw.kernel.uobject import BadConfig
@@ -86,7 +92,7 @@ def typed_line() -> str | None:
     return sys.stdin.readline() if select.select([sys.stdin], [], [], 0)[0] else None
 
 
-def calibrate(job: Job, names: Mapping[str, int], display: RangeDisplay, typed: Callable[[], str | None]) -> None:
+def calibrate(job: VerbJob, names: Mapping[str, int], display: RangeDisplay, typed: Callable[[], str | None]) -> None:
     """Lead through a calibration and write its file.  Raises ServoError, BadCalibration."""
     out, link, dialogue = job.options.out, job.line.link, job.dialogue
     found = devices(job)
@@ -114,7 +120,7 @@ def calibrate(job: Job, names: Mapping[str, int], display: RangeDisplay, typed: 
         _write_all(job, [(servos[name], joint) for name, joint in result.items()])
 
 
-def _record_ranges(job: Job, work: HandCalibration, display: RangeDisplay, typed: Callable[[], str | None]) -> None:
+def _record_ranges(job: VerbJob, work: HandCalibration, display: RangeDisplay, typed: Callable[[], str | None]) -> None:
     """Record until Enter; with joints that have not been moved, Enter goes on and q leaves them out."""
     clock = job.line.link.clock
     job.dialogue.say("Move each joint through its whole range; Enter ends.")
@@ -131,7 +137,7 @@ def _record_ranges(job: Job, work: HandCalibration, display: RangeDisplay, typed
         clock.sleep_until(clock.now() + LOOK_PERIOD_S)
 
 
-def _ask_direction(job: Job, work: HandCalibration, joint: Joint) -> None:
+def _ask_direction(job: VerbJob, work: HandCalibration, joint: CalibratedJoint) -> None:
     before = joint.registers.read_one("present_position")
     while True:
         job.dialogue.wait(f"Move {joint.name} a little in its positive direction")
@@ -142,7 +148,7 @@ def _ask_direction(job: Job, work: HandCalibration, joint: Joint) -> None:
         job.dialogue.say(f"{joint.name} has not moved.")
 
 
-def restore(job: Job) -> None:
+def restore(job: VerbJob) -> None:
     """Write the homing offsets and limits of a file into the servos.  Raises ServoError, BadCalibration."""
     joints = calibration.load(job.options.restore)
     found = devices(job)
@@ -164,7 +170,7 @@ def restore(job: Job) -> None:
     _write_all(job, wanted)
 
 
-def _write_all(job: Job, joints: Sequence[tuple[Device, JointCalibration]]) -> None:
+def _write_all(job: VerbJob, joints: Sequence[tuple[ServoDevice, JointCalibration]]) -> None:
     problems = []
     for device, joint in joints:
         problems += write_calibration(job.line.link, device, joint)

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from urbihw.cli import serve
-from urbihw.daemon.config import Entry, entries, load, unusable_files
+from urbihw.daemon.config import SettingInForce, entries, load, unusable_files
 from urbihw.daemon.schema import schema
 from urbihw.exitcodes import EX_CONFIG
 from urbihw.kernel.uobject import BadConfig
@@ -66,7 +66,7 @@ def _complain(lines: Iterable[str]) -> int:
     return EX_CONFIG
 
 
-def as_toml(rows: list[Entry]) -> str:
+def as_toml(rows: list[SettingInForce]) -> str:
     """The settings in force as TOML, which is also a valid settings file."""
     settings = [
         f"# {each.key}" if each.value is None else f"{each.key} = {json.dumps(each.value, ensure_ascii=False)}"

@@ -20,8 +20,8 @@ from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
 from urbihw.buses.link import Url
 from urbihw.buses.ports import SerialPort, serial_ports
 from urbihw.cli.dialogue import Dialogue
-from urbihw.cli.machine import Finding, check_machine, clock_jump
-from urbihw.cli.options import Refused
+from urbihw.cli.machine import ReportLine, check_machine, clock_jump
+from urbihw.cli.options import CliRefused
 from urbihw.cli.ports_in_use import open_line
 from urbihw.cli.robot_check import BusReport, check_line, check_served, mend_delays, mend_latency
 from urbihw.cli.scan_ports import adapter_name
@@ -57,9 +57,9 @@ def run(options: argparse.Namespace) -> int:
             return EX_CONFIG
     before = time.time() - time.monotonic()
     report = BusReport()
-    findings: list[Finding] = []
+    findings: list[ReportLine] = []
 
-    def tell(found: Iterable[Finding]) -> None:
+    def tell(found: Iterable[ReportLine]) -> None:
         for finding in found:
             findings.append(finding)
             if not options.json:
@@ -78,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
     return EX_CONFIG if any(finding.verdict == "bad" for finding in findings) else 0
 
 
-def robot(url: str, mend: bool, tell: Callable[[Iterable[Finding]], None]) -> BusReport:
+def robot(url: str, mend: bool, tell: Callable[[Iterable[ReportLine]], None]) -> BusReport:
     """Check a robot: by the daemon that serves it, else on its port."""
     report = BusReport()
     try:
@@ -88,9 +88,9 @@ def robot(url: str, mend: bool, tell: Callable[[Iterable[Finding]], None]) -> Bu
                 report = check_served(traffic)
             tell(report.findings)
             if mend:
-                tell([Finding("bad", "a daemon serves this robot: stop it, then --mend")])
+                tell([ReportLine("bad", "a daemon serves this robot: stop it, then --mend")])
         elif Url.parse(url).scheme not in _MEASURED:
-            tell([Finding("note", f"nobody serves {url}: start a daemon, then its bus is measured")])
+            tell([ReportLine("note", f"nobody serves {url}: start a daemon, then its bus is measured")])
         else:
             with open_line(url) as line:
                 report = check_line(line)
@@ -98,67 +98,70 @@ def robot(url: str, mend: bool, tell: Callable[[Iterable[Finding]], None]) -> Bu
                 if mend:
                     tell(mend_latency(Url.parse(url).target, Dialogue()))
                     tell(mend_delays(line, report.servos, Dialogue()))
-    except (BadUrl, Unavailable, LinkGone, Refused) as error:
-        tell([Finding("bad", str(error))])
+    except (BadUrl, Unavailable, LinkGone, CliRefused) as error:
+        tell([ReportLine("bad", str(error))])
     return report
 
 
-def as_json(findings: Iterable[Finding], report: BusReport) -> dict[str, Any]:
+def as_json(findings: Iterable[ReportLine], report: BusReport) -> dict[str, Any]:
     """The report for programs; times in seconds."""
     rows = [{"verdict": finding.verdict, "text": finding.text} for finding in findings]
     return {"findings": rows, "bus": report.numbers}
 
 
-def python(found: tuple[int, int]) -> Iterable[Finding]:
+def python(found: tuple[int, int]) -> Iterable[ReportLine]:
     """Check whether this Python is recent enough."""
     shown = ".".join(map(str, found))
     if found >= (3, 11):
-        yield Finding("ok", f"Python {shown}")
+        yield ReportLine("ok", f"Python {shown}")
     else:
-        yield Finding("bad", f"Python {shown}: install 3.11 or later")
+        yield ReportLine("bad", f"Python {shown}: install 3.11 or later")
 
 
-def packages(version_of: Callable[[str], str]) -> Iterable[Finding]:
+def packages(version_of: Callable[[str], str]) -> Iterable[ReportLine]:
     """Check which required packages and which extras are installed."""
     for name, _, extra in required_packages():
         if extra in ("dev", "all"):
             continue
         try:
-            yield Finding("ok", f"{name} {version_of(name)}")
+            yield ReportLine("ok", f"{name} {version_of(name)}")
         except PackageNotFoundError:
             if extra:
-                yield Finding("note", f"{name} is not installed; for what needs it: {install_command(extra)}")
+                yield ReportLine("note", f"{name} is not installed; for what needs it: {install_command(extra)}")
             else:
-                yield Finding("bad", f"{name} is missing: pip install {name}")
+                yield ReportLine("bad", f"{name} is missing: pip install {name}")
 
 
-def adapters(ports: Iterable[SerialPort]) -> Iterable[Finding]:
+def adapters(ports: Iterable[SerialPort]) -> Iterable[ReportLine]:
     """List the serial ports with their adapters, and check the permission to open them."""
     found = False
     for port in ports:
         found = True
         adapter = adapter_name(port)
         if os.access(port.device, os.R_OK | os.W_OK):
-            yield Finding("ok", f"{port.device}: {adapter}")
+            yield ReportLine("ok", f"{port.device}: {adapter}")
         else:
-            yield Finding("bad", f"{port.device}: {adapter}: no permission; sudo usermod -aG dialout $USER, "
+            yield ReportLine("bad", f"{port.device}: {adapter}: no permission; sudo usermod -aG dialout $USER, "
                                  "then log in again")
         latency = LATENCY / Path(port.device).name / "latency_timer"
         if latency.is_file() and int(latency.read_text("ascii")) > 1:
-            yield Finding("note", f"{port.device}: the adapter keeps answers for {latency.read_text('ascii').strip()} "
-                                  f"ms; make it faster: echo 1 | sudo tee {latency}")
+            yield ReportLine(
+                "note",
+                f"{port.device}: the adapter keeps answers for {latency.read_text('ascii').strip()} "
+                f"ms; make it faster: echo 1 | sudo tee {latency}",
+            )
     if not found:
-        yield Finding("note", "no serial port found: plug the adapter in, or try --fake")
+        yield ReportLine("note", "no serial port found: plug the adapter in, or try --fake")
 
 
-def dialout(groups: Iterable[int]) -> Iterable[Finding]:
+def dialout(groups: Iterable[int]) -> Iterable[ReportLine]:
     """Check whether the user is in the group that owns serial ports on Debian."""
     try:
         group = grp.getgrnam("dialout").gr_gid
     except KeyError:
-        yield Finding("note", "this system has no group dialout; see who owns the serial ports: ls -l /dev/ttyUSB*")
+        yield ReportLine("note", "this system has no group dialout; see who owns the serial ports: ls -l /dev/ttyUSB*")
         return
     if group in groups or os.geteuid() == 0:
-        yield Finding("ok", "serial ports may be opened (group dialout)")
+        yield ReportLine("ok", "serial ports may be opened (group dialout)")
     else:
-        yield Finding("note", "you are not in the group dialout: sudo usermod -aG dialout $USER, then log in again")
+        yield ReportLine("note", "you are not in the group dialout: sudo usermod -aG dialout $USER, then log in again")

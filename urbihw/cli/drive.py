@@ -22,10 +22,10 @@ from collections.abc import Callable, Iterator
 from typing import Any, Final
 
 from urbihw.cli.console import address
-from urbihw.cli.drivekeys import HELP, LEAST_FULL, MOST_FULL, STAND, Keys, Order, Wish, change_full
+from urbihw.cli.drivekeys import HELP, LEAST_FULL, MOST_FULL, STAND, KeyOrder, Keys, Wish, change_full
 from urbihw.cli.drivepad import Pad
 from urbihw.cli.lobby_client import LobbyClient
-from urbihw.cli.options import DEFAULT_PORT, Refused, complain, number
+from urbihw.cli.options import DEFAULT_PORT, CliRefused, complain, number
 from urbihw.cli.reach import add_access, credentials, resolve_server
 from urbihw.client.driving import PROGRAM, order_text, parse_answer
 from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_UNAVAILABLE
@@ -64,19 +64,19 @@ def run(options: argparse.Namespace) -> int:
     """Drive until the user leaves; returns the exit code."""
     try:
         if not sys.stdin.isatty() and options.gamepad is None:
-            raise Refused("this needs a terminal, or a --gamepad", EX_CONFIG)
+            raise CliRefused("this needs a terminal, or a --gamepad", EX_CONFIG)
         pad = None if options.gamepad is None else Pad.open(options.gamepad)
         host, port = options.server
         who = credentials(options)
         with LobbyClient(resolve_server(host, port, options.tls), who) as link:
-            base = Base(link)
+            base = RemoteBase(link)
             speeds = options.speed or base.speeds[0], options.turn or base.speeds[1]
-            return Driver(base, speeds, pad).run()
-    except Refused as error:
+            return KeyDriver(base, speeds, pad).run()
+    except CliRefused as error:
         return complain("urbihw drive", error)
 
 
-class Base:
+class RemoteBase:
     """The base at the other end of a connection.
 
     Attributes:
@@ -87,13 +87,13 @@ class Base:
     """
 
     def __init__(self, link: LobbyClient) -> None:
-        """Raises Refused if the server has no base."""
+        """Raises CliRefused if the server has no base."""
         self._link = link
         link.read_banner()
         link.send(PROGRAM.encode())
         found = self._ask("drive.check")
         if found == "none":
-            raise Refused(f"{link.peer} has no robot that drives: robot is no Interface.Mobile", EX_UNAVAILABLE)
+            raise CliRefused(f"{link.peer} has no robot that drives: robot is no Interface.Mobile", EX_UNAVAILABLE)
         now, x, yaw, name = found.split("|", 3)
         # The name may be that of a device, and goes to a terminal.
         self.name = one_line(name)
@@ -105,7 +105,7 @@ class Base:
         self._track: deque[tuple[float, float, float, float]] = deque()
 
     def order(self, x: float, yaw: float) -> None:
-        """Order speeds, m/s and rad/s to the left.  Raises Refused: the order failed, or the server is gone."""
+        """Order speeds, m/s and rad/s to the left.  Raises CliRefused: the order failed, or the server is gone."""
         made = self._server_ahead + time.monotonic()
         driven = parse_answer(self._ask(order_text(x, yaw, TIMEOUT_S, made)))
         self.deferred, self.late = driven.deferred, driven.late
@@ -145,10 +145,10 @@ class Base:
         return self._link.ended
 
 
-class Driver:
+class KeyDriver:
     """Reads keys and gamepad, sends orders, shows speeds."""
 
-    def __init__(self, base: Base, speeds: tuple[float, float], pad: Pad | None) -> None:
+    def __init__(self, base: RemoteBase, speeds: tuple[float, float], pad: Pad | None) -> None:
         self._base = base
         self._full, self._full_turn = speeds
         self._pad = pad
@@ -172,7 +172,7 @@ class Driver:
                     if self._suspending:
                         self._suspend()
             finally:
-                with contextlib.suppress(Refused):
+                with contextlib.suppress(CliRefused):
                     self._base.order(0.0, 0.0)
             reason, self._ending = self._ending, ""
             outcome = self._bring_to_rest()
@@ -189,7 +189,7 @@ class Driver:
                 self._wait()
                 base.order(0.0, 0.0)
                 self._show()
-        except Refused as error:
+        except CliRefused as error:
             return f"{base.name} was told to stand ({error})"
         if base.stands:
             return f"{base.name} stands"
@@ -221,9 +221,9 @@ class Driver:
         if not data:
             self._ending = "the terminal is gone"
         for order in self._keys.feed(data.decode("ascii", "replace"), time.monotonic()):
-            if order is Order.LEAVE:
+            if order is KeyOrder.LEAVE:
                 self._ending = "left"
-            elif order is Order.SUSPEND:
+            elif order is KeyOrder.SUSPEND:
                 self._suspending = True
             else:
                 self._full, self._full_turn = (change_full(full, order) for full in (self._full, self._full_turn))
@@ -238,7 +238,7 @@ class Driver:
         """Order the wished speeds; a refusal by the robot is shown, the loss of the server ends the program."""
         try:
             self._base.order(wish.forward * self._full, wish.left * self._full_turn)
-        except Refused as error:
+        except CliRefused as error:
             if self._base.ended or "did not answer" in str(error):
                 raise
             self._problem = one_line(str(error))

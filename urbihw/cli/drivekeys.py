@@ -31,7 +31,7 @@ class Wish(NamedTuple):
 STAND: Final = Wish()
 
 
-class Order(Enum):
+class KeyOrder(Enum):
     """The keys that are no movement."""
 
     FASTER = "faster"
@@ -51,11 +51,11 @@ MOVES: Final[dict[str, Wish]] = {
     ".": Wish(-1, 1),
 }
 ORDERS: Final = {
-    "+": Order.FASTER,
-    "=": Order.FASTER,
-    "-": Order.SLOWER,
-    "\x1a": Order.SUSPEND,
-    **dict.fromkeys(("q", "\x03", "\x04", "\x1c"), Order.LEAVE),
+    "+": KeyOrder.FASTER,
+    "=": KeyOrder.FASTER,
+    "-": KeyOrder.SLOWER,
+    "\x1a": KeyOrder.SUSPEND,
+    **dict.fromkeys(("q", "\x03", "\x04", "\x1c"), KeyOrder.LEAVE),
 }
 """\x03 is Ctrl-C, \x04 Ctrl-D, \x1a Ctrl-Z, \x1c Ctrl-\\."""
 HELP: Final = """  w s a d, arrows   forward, backward, turn left, turn right: as long as the key is held
@@ -68,9 +68,9 @@ _KEYS: Final = re.compile(r"\x1b[\[O][0-9;]*([A-Za-z~])|\x1b|(.)", re.DOTALL)
 _ARROWS: Final = {"A": "up", "B": "down", "C": "right", "D": "left"}
 
 
-def change_full(full: float, order: Order) -> float:
+def change_full(full: float, order: KeyOrder) -> float:
     """A full speed after one of the keys + and -."""
-    return max(LEAST_FULL, min(MOST_FULL, full * STEP if order is Order.FASTER else full / STEP))
+    return max(LEAST_FULL, min(MOST_FULL, full * STEP if order is KeyOrder.FASTER else full / STEP))
 
 
 class Keys:
@@ -80,7 +80,7 @@ class Keys:
         self._wish = STAND
         self._until = 0.0
 
-    def feed(self, text: str, now: float) -> list[Order]:
+    def feed(self, text: str, now: float) -> list[KeyOrder]:
         """Take what the terminal sent; returns the keys in it that are no movement.  An unknown key stops."""
         orders = []
         for arrow, letter in _KEYS.findall(text):

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from typing import Any, Final
 
 from urbihw.cli.drivekeys import STAND, Wish
-from urbihw.cli.options import Refused
+from urbihw.cli.options import CliRefused
 from urbihw.exitcodes import EX_CONFIG
 from urbihw.extras import install_command
 
@@ -33,18 +33,20 @@ class Pad:
 
     @classmethod
     def open(cls, path: str) -> Pad:
-        """The gamepad at a path.  Raises Refused."""
+        """The gamepad at a path.  Raises CliRefused."""
         try:
             import evdev
         except ImportError:
-            raise Refused(f"--gamepad needs the Python package evdev: {install_command('evdev')}", EX_CONFIG) from None
+            raise CliRefused(
+                f"--gamepad needs the Python package evdev: {install_command('evdev')}", EX_CONFIG
+            ) from None
         try:
             return cls(evdev.InputDevice(path), evdev.ecodes.ecodes)
         except OSError as error:
-            raise Refused(f"cannot open {path}: {error.strerror}; is it plugged in, may you read it?",
-                          EX_CONFIG) from error  # fmt: skip
+            raise CliRefused(f"cannot open {path}: {error.strerror}; is it plugged in, may you read it?",
+                             EX_CONFIG) from error  # fmt: skip
         except KeyError:
-            raise Refused(f"{path} has no stick; evtest lists the devices", EX_CONFIG) from None
+            raise CliRefused(f"{path} has no stick; evtest lists the devices", EX_CONFIG) from None
 
     def fileno(self) -> int:
         """For ``select``."""

@@ -17,12 +17,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from urbihw.cli.options import Refused, complain, number, whole
+from urbihw.cli.options import CliRefused, complain, number, whole
 from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_RUNTIME, INTERRUPTED
 from urbihw.extras import install_command
 from urbihw.platforms.scene.library import NoMujoco, import_mujoco
 from urbihw.platforms.scene.painting import NoPictures, Painter, ViewPoint
-from urbihw.platforms.scene.recording import COMPILED, BadRecording, Recording
+from urbihw.platforms.scene.recording import COMPILED, BadRecording, SceneRecording
 
 FORMATS: Final = (".webp", ".gif", ".png")
 QUALITY: Final = 60
@@ -76,7 +76,7 @@ def run(options: argparse.Namespace) -> int:
     try:
         with tempfile.TemporaryDirectory(prefix="urbihw-film-") as folder:
             count = draw(record(options, Path(folder)), options, Path(folder))
-    except Refused as error:
+    except CliRefused as error:
         return complain("urbihw film", error)
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -84,10 +84,10 @@ def run(options: argparse.Namespace) -> int:
     return EX_OK
 
 
-def record(options: argparse.Namespace, folder: Path) -> Recording:
-    """Serve the world, run the script, and return the states.  Raises Refused."""
+def record(options: argparse.Namespace, folder: Path) -> SceneRecording:
+    """Serve the world, run the script, and return the states.  Raises CliRefused."""
     if not options.script.is_file():
-        raise Refused(f"{options.script}: there is no such file", EX_CONFIG)
+        raise CliRefused(f"{options.script}: there is no such file", EX_CONFIG)
     out, program = folder / "states", folder / "film.u"
     fast = 'webots.mode = "fast"|;\n' if options.platform == "webots" else ""
     program.write_text(_PROGRAM.format(
@@ -101,23 +101,23 @@ def record(options: argparse.Namespace, folder: Path) -> Recording:
     path = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
     done = subprocess.run(command, check=False, env={**os.environ, "PYTHONPATH": path})
     if done.returncode or not out.exists():
-        raise Refused("there is no film: see the lines above", done.returncode or EX_RUNTIME)
+        raise CliRefused("there is no film: see the lines above", done.returncode or EX_RUNTIME)
     try:
-        return Recording.parse(out.read_bytes())
+        return SceneRecording.parse(out.read_bytes())
     except BadRecording as error:
-        raise Refused(str(error), EX_RUNTIME) from error
+        raise CliRefused(str(error), EX_RUNTIME) from error
 
 
-def draw(recording: Recording, options: argparse.Namespace, folder: Path) -> int:
-    """Draw the pictures into the film; returns their number.  Raises Refused."""
+def draw(recording: SceneRecording, options: argparse.Namespace, folder: Path) -> int:
+    """Draw the pictures into the film; returns their number.  Raises CliRefused."""
     try:
         import PIL.Image  # noqa: F401
 
         mujoco = import_mujoco()
     except ImportError as error:
-        raise Refused(f"films need Pillow: {install_command('images')}", EX_CONFIG) from error
+        raise CliRefused(f"films need Pillow: {install_command('images')}", EX_CONFIG) from error
     except NoMujoco as error:
-        raise Refused(f"films need mujoco: {install_command('mujoco')}", EX_CONFIG) from error
+        raise CliRefused(f"films need mujoco: {install_command('mujoco')}", EX_CONFIG) from error
     model = recording.model
     if recording.compiled:
         model = folder / f"model{COMPILED}"
@@ -126,13 +126,13 @@ def draw(recording: Recording, options: argparse.Namespace, folder: Path) -> int
     try:
         painter = Painter(mujoco, model, options.width, options.height)
     except NoPictures as error:
-        raise Refused(str(error), EX_CONFIG) from error
+        raise CliRefused(str(error), EX_CONFIG) from error
     try:
         return _write(_pictures(painter, recording.states, view), options.output, recording.period)
     except ValueError as error:
-        raise Refused(str(error), EX_CONFIG) from error
+        raise CliRefused(str(error), EX_CONFIG) from error
     except OSError as error:
-        raise Refused(f"{options.output} cannot be written: {error.strerror or error}", EX_CONFIG) from error
+        raise CliRefused(f"{options.output} cannot be written: {error.strerror or error}", EX_CONFIG) from error
     finally:
         painter.close()
 

@@ -53,7 +53,7 @@ def find(seconds: float) -> list[dict[str, Any]]:
 
     names: dict[str, None] = {}
 
-    class Listener(ServiceListener):
+    class NameCollector(ServiceListener):
         """Collects names."""
 
         def add_service(self, zc: Zeroconf, type_: str, name: str) -> None:
@@ -67,7 +67,7 @@ def find(seconds: float) -> list[dict[str, Any]]:
 
     found: list[dict[str, Any]] = []
     with Zeroconf(ip_version=IPVersion.V4Only) as network:
-        browser = ServiceBrowser(network, SERVICE_TYPE, Listener())
+        browser = ServiceBrowser(network, SERVICE_TYPE, NameCollector())
         time.sleep(seconds)
         browser.cancel()
         for name in sorted(names):

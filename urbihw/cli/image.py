@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Final
 
 from urbihw.cli.lobby_client import LobbyClient
-from urbihw.cli.options import Parser, Refused, complain, number, whole
-from urbihw.cli.pictures import Picture
+from urbihw.cli.options import CliRefused, GetoptParser, complain, number, whole
+from urbihw.cli.pictures import PictureFile
 from urbihw.cli.reach import add_server, credentials, server
 from urbihw.client.lines import Line
 from urbihw.exitcodes import INTERRUPTED
@@ -22,9 +22,9 @@ FORMATS: Final = {"rgb": 1, "ycrcb": 2, "jpeg": 3, "ppm": 4}
 TIMEOUT_S: Final = 10.0
 
 
-def parser() -> Parser:
+def parser() -> GetoptParser:
     """The options of ``urbi-image``."""
-    made = Parser(PROGRAM, "Fetch images from an urbiscript server, to save one (--output) or to show them.")
+    made = GetoptParser(PROGRAM, "Fetch images from an urbiscript server, to save one (--output) or to show them.")
     add_server(made)
     made.add_argument("-d", "--device", default="camera", help="query image on DEVICE.val (%(default)s)")
     made.add_argument("-o", "--output", type=Path, metavar="FILE",
@@ -57,7 +57,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                 from urbihw.cli.window import show
 
                 show(pictures(link, options.device, options.period), f"{options.device} of {link.peer}", options.scale)
-    except Refused as error:
+    except CliRefused as error:
         return complain(PROGRAM, error)
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -86,14 +86,14 @@ def _set(device: str, slots: Sequence[str], value: int) -> str:
     return f"{text}; 1"
 
 
-def picture(line: Line) -> Picture:
-    """The image in an answer.  Raises Refused if the answer is another value."""
+def picture(line: Line) -> PictureFile:
+    """The image in an answer.  Raises CliRefused if the answer is another value."""
     if not line.binaries:
-        raise Refused(f"the server answered {line.shown[:60]!r}, which is no image; which device is it (--device)?")
-    return Picture.of(line.binaries[0])
+        raise CliRefused(f"the server answered {line.shown[:60]!r}, which is no image; which device is it (--device)?")
+    return PictureFile.of(line.binaries[0])
 
 
-def pictures(link: LobbyClient, device: str, period: int) -> Iterator[Picture]:
+def pictures(link: LobbyClient, device: str, period: int) -> Iterator[PictureFile]:
     """An endless sequence of images, one every ``period`` ms.  A camera that sends only while it is read has none at
     first."""
     deadline = time.monotonic() + TIMEOUT_S
@@ -102,7 +102,7 @@ def pictures(link: LobbyClient, device: str, period: int) -> Iterator[Picture]:
             yield picture(line)
 
 
-def one_picture(link: LobbyClient, device: str, period: int) -> Picture:
+def one_picture(link: LobbyClient, device: str, period: int) -> PictureFile:
     """One image.  A camera that is off while nobody reads it (slot ``on``) has an old one, so its next one is taken."""
     is_off = link.ask(f'{device}.hasSlot("on") && !{device}.on', TIMEOUT_S).shown == "true"
     line = link.ask(f"{device}.val", TIMEOUT_S)

@@ -18,7 +18,7 @@ from pathlib import Path, PurePosixPath
 from typing import Final
 
 from urbihw import platforms
-from urbihw.cli.options import DEFAULT_PORT, Refused, port
+from urbihw.cli.options import DEFAULT_PORT, CliRefused, port
 from urbihw.daemon.config import Config, configure, load
 from urbihw.daemon.units import (
     NAME,
@@ -72,14 +72,14 @@ def run(options: argparse.Namespace) -> int:
     """Install or remove the files; 78 if that is impossible, and then nothing is written."""
     try:
         if not NAME.fullmatch(options.name):
-            raise Refused(f"{options.name!r} cannot be a name: take up to 32 letters, digits, _ and -", EX_CONFIG)
+            raise CliRefused(f"{options.name!r} cannot be a name: take up to 32 letters, digits, _ and -", EX_CONFIG)
         if options.uninstall:
             _uninstall(options)
         else:
             _install(options)
-    except (Refused, BadConfig) as error:
+    except (CliRefused, BadConfig) as error:
         print(f"urbihw install-service: {error}", file=sys.stderr)
-        return error.code if isinstance(error, Refused) else EX_CONFIG
+        return error.code if isinstance(error, CliRefused) else EX_CONFIG
     except OSError as error:
         who = "; as root: sudo urbihw install-service ..." if isinstance(error, PermissionError) else ""
         print(f"urbihw install-service: {error.filename}: {error.strerror}{who}", file=sys.stderr)
@@ -101,7 +101,7 @@ def _install(options: argparse.Namespace) -> None:
 
 
 def _wanted_files(options: argparse.Namespace) -> Iterator[ServiceFile]:
-    """The files to write.  Raises Refused and BadConfig."""
+    """The files to write.  Raises CliRefused and BadConfig."""
     manifest, config, settings = _robot(options)
     if not _is_packaged(options.root):
         yield from shared_files(_command(options))
@@ -115,18 +115,21 @@ def _robot(options: argparse.Namespace) -> tuple[Manifest, Config, str]:
     path = _below(options.root, settings_file(options.name))
     file = options.config or (path if options.platform is None and path.exists() else None)
     if file is not None and (options.platform or options.url or options.fake):
-        raise Refused(f"platform, url and fake are those of {file}: change them there", EX_CONFIG)
+        raise CliRefused(f"platform, url and fake are those of {file}: change them there", EX_CONFIG)
     if path.exists() and file != path:
-        raise Refused(f"{path} is there already and is not overwritten: edit it, or remove it; without --platform and "
-                      "--config only the other files are written anew", EX_CONFIG)
+        raise CliRefused(
+            f"{path} is there already and is not overwritten: edit it, or remove it; without --platform and "
+            "--config only the other files are written anew",
+            EX_CONFIG,
+        )
     if file is not None:
         return _robot_of_file(options, file, installed=file == path)
     if options.platform is None:
-        raise Refused("which robot? Give --platform NAME (urbihw platforms lists them), or --config FILE", EX_CONFIG)
+        raise CliRefused("which robot? Give --platform NAME (urbihw platforms lists them), or --config FILE", EX_CONFIG)
     manifest = platforms.find(options.platform)
     url = "" if options.fake else options.url or _default_url(manifest)
     if not url and not options.fake:
-        raise Refused(f"where is the {manifest.name}? Give --url", EX_CONFIG)
+        raise CliRefused(f"where is the {manifest.name}? Give --url", EX_CONFIG)
     number = options.port or _free_port(options.root)
     _check_port(options, number)
     config = configure(None, {"platform": manifest.name, "url": url or None, "fake": options.fake, "port": number})
@@ -137,10 +140,10 @@ def _robot_of_file(options: argparse.Namespace, file: Path, *, installed: bool) 
     """The robot of a settings file; new settings that name no port get one."""
     config = configure(file)
     if not config.platform:
-        raise Refused(f"{file}: platform is missing", EX_CONFIG)
+        raise CliRefused(f"{file}: platform is missing", EX_CONFIG)
     has_port = installed or "port" in load(file).in_file
     if options.port and has_port:
-        raise Refused(f"the port is that of {file}: change it there", EX_CONFIG)
+        raise CliRefused(f"the port is that of {file}: change it there", EX_CONFIG)
     number = config.port if has_port else options.port or _free_port(options.root)
     _check_port(options, number)
     text = "" if installed else file.read_text("utf-8")
@@ -164,12 +167,12 @@ def _free_port(root: Path) -> int:
         try:
             taken.add(configure(path).port)
         except BadConfig as error:
-            raise Refused(f"which ports are free? {error}; correct it, or give --port", EX_CONFIG) from error
+            raise CliRefused(f"which ports are free? {error}; correct it, or give --port", EX_CONFIG) from error
     return next(number for number in range(DEFAULT_PORT, 65536) if number not in taken)
 
 
 def _check_port(options: argparse.Namespace, number: int) -> None:
-    """Raise Refused if another robot of this machine has the port; settings that cannot be read name none."""
+    """Raise CliRefused if another robot of this machine has the port; settings that cannot be read name none."""
     own = _below(options.root, settings_file(options.name))
     for path in sorted(_below(options.root, SETTINGS).glob("*.toml")):
         try:
@@ -177,7 +180,7 @@ def _check_port(options: argparse.Namespace, number: int) -> None:
         except BadConfig:
             continue
         if taken and number:
-            raise Refused(f"port {number} is that of {path}: choose another one", EX_CONFIG)
+            raise CliRefused(f"port {number} is that of {path}: choose another one", EX_CONFIG)
 
 
 def _is_packaged(root: Path) -> bool:
@@ -186,20 +189,20 @@ def _is_packaged(root: Path) -> bool:
 
 
 def _command(options: argparse.Namespace) -> str:
-    """The path of urbihw for the unit.  Raises Refused if the user of the service could not run it."""
+    """The path of urbihw for the unit.  Raises CliRefused if the user of the service could not run it."""
     if options.program:
         if not _PLAIN_PATH.fullmatch(options.program):
-            raise Refused(f"--program {options.program!r}: for a unit write a full path of letters, digits and "
-                          "/ . _ + @ - only", EX_CONFIG)
+            raise CliRefused(f"--program {options.program!r}: for a unit write a full path of letters, digits and "
+                             "/ . _ + @ - only", EX_CONFIG)
         return str(options.program)
     command = Path(sys.executable).with_name("urbihw")
     if not command.exists():
-        raise Refused(f"there is no {command}; name urbihw by its path: --program PATH", EX_CONFIG)
+        raise CliRefused(f"there is no {command}; name urbihw by its path: --program PATH", EX_CONFIG)
     if options.root == Path("/"):
         for path in (command, command.resolve(), Path(sys.executable).resolve()):
             if _is_hidden(path):
-                raise Refused(f"the user of the service cannot run {path}: install urbihw outside of home folders "
-                              "first, such as in /opt/urbihw (docs/operations.md)", EX_CONFIG)
+                raise CliRefused(f"the user of the service cannot run {path}: install urbihw outside of home folders "
+                                 "first, such as in /opt/urbihw (docs/operations.md)", EX_CONFIG)
     return str(command)
 
 
@@ -221,7 +224,7 @@ def _write(path: Path, file: ServiceFile) -> None:
 
 
 def _apply(root: Path) -> None:
-    """Make the running system take the files up.  Raises Refused."""
+    """Make the running system take the files up.  Raises CliRefused."""
     if root != Path("/"):
         return
     if not RUNNING.is_dir():
@@ -236,9 +239,9 @@ def _call(words: Sequence[str]) -> None:
         done = subprocess.run(words, stdin=subprocess.DEVNULL, capture_output=True, text=True, errors="replace",
                               check=False)
     except OSError as error:
-        raise Refused(f"{words[0]}: {error.strerror}", EX_UNAVAILABLE) from error
+        raise CliRefused(f"{words[0]}: {error.strerror}", EX_UNAVAILABLE) from error
     if done.returncode:
-        raise Refused(f"{' '.join(words)}: {' '.join(done.stderr.split())[-300:]}", EX_UNAVAILABLE)
+        raise CliRefused(f"{' '.join(words)}: {' '.join(done.stderr.split())[-300:]}", EX_UNAVAILABLE)
 
 
 def _uninstall(options: argparse.Namespace) -> None:
@@ -248,7 +251,7 @@ def _uninstall(options: argparse.Namespace) -> None:
     targets = [units / f"urbihw@{options.name}.{kind}.d" / file
                for kind, file in (("service", "50-platform.conf"), ("socket", "50-port.conf"))]
     if not any(path.exists() for path in targets):
-        raise Refused(f"there is no service of a robot {options.name}", EX_CONFIG)
+        raise CliRefused(f"there is no service of a robot {options.name}", EX_CONFIG)
     if not others:
         targets += [_below(options.root, file.path) for file in shared_files("")]
     if options.root == Path("/") and RUNNING.is_dir() and not options.dry_run:

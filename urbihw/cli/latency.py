@@ -23,7 +23,7 @@ from typing import Any, Final
 
 from urbihw.buses.trace import Chunk
 from urbihw.cli.lobby_client import LobbyClient
-from urbihw.cli.options import DEFAULT_PORT, Refused, whole
+from urbihw.cli.options import DEFAULT_PORT, CliRefused, whole
 from urbihw.cli.reach import add_server, credentials, server
 from urbihw.cli.tracing import WorkerTraffic, open_traffic, traffic_of
 from urbihw.client.where import Where, is_loopback
@@ -63,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
     for what in options.what or WHATS:
         try:
             times = _MEASURE[what](options)
-        except Refused as error:
+        except CliRefused as error:
             print(f"urbihw: {what}: {error}", file=sys.stderr)
             continue
         except KeyboardInterrupt:
@@ -81,14 +81,14 @@ def run(options: argparse.Namespace) -> int:
 
 
 def telnet(options: argparse.Namespace) -> list[float]:
-    """Measure statement and answer.  Raises Refused."""
+    """Measure statement and answer.  Raises CliRefused."""
     with LobbyClient(_server(options), credentials(options)) as link:
         link.read_banner()
         return [_round_trip(link) for _ in range(options.count)]
 
 
 def remote(options: argparse.Namespace) -> list[float]:
-    """Measure a variable of a UObject in another process, there and back.  Raises Refused."""
+    """Measure a variable of a UObject in another process, there and back.  Raises CliRefused."""
     where = _server(options)
     with LobbyClient(where, credentials(options)) as link, _echo_process(where, options):
         _wait_for_class(link)
@@ -101,7 +101,7 @@ def remote(options: argparse.Namespace) -> list[float]:
 
 
 def bus(options: argparse.Namespace) -> list[float]:
-    """Measure question and answer on the bus, by what the worker sends and gets.  Raises Refused."""
+    """Measure question and answer on the bus, by what the worker sends and gets.  Raises CliRefused."""
     if options.socket is not None:
         traffic = open_traffic(options.socket)
     else:
@@ -120,25 +120,25 @@ def bus(options: argparse.Namespace) -> list[float]:
             if len(times) >= options.count:
                 break
     if not times:
-        raise Refused("nothing is asked on this bus: is the robot there?")
+        raise CliRefused("nothing is asked on this bus: is the robot there?")
     return times
 
 
 def _server(options: argparse.Namespace) -> Where:
-    """The server that the options name.  Raises Refused."""
+    """The server that the options name.  Raises CliRefused."""
     return server(argparse.Namespace(**vars(options) | {"port": options.port or DEFAULT_PORT}))
 
 
 def _bus_of(options: argparse.Namespace) -> WorkerTraffic:
-    """The traffic of the robot that the options name.  Raises Refused."""
+    """The traffic of the robot that the options name.  Raises CliRefused."""
     chosen = options.port is not None or options.port_file is not None
     where = _server(options)
     if options.host is not None and where.path is None and not is_loopback(where.host):
-        raise Refused(f"a bus is measured on its own machine only: log in to {where.host}")
+        raise CliRefused(f"a bus is measured on its own machine only: log in to {where.host}")
     traffic = traffic_of("", where.port if chosen else None)
     if traffic is None:
         which = f" on port {where.port}" if chosen else ""
-        raise Refused(f"no daemon of this machine serves a robot{which}; start one (urbihw serve)")
+        raise CliRefused(f"no daemon of this machine serves a robot{which}; start one (urbihw serve)")
     return traffic
 
 
@@ -151,7 +151,7 @@ def _round_trip(link: LobbyClient) -> float:
     while (line := link.read(ANSWER_TIMEOUT_S)) is not None:
         if line.text == "1" and not line.channel:
             return time.perf_counter() - began
-    raise Refused(f"{link.peer} did not answer within {ANSWER_TIMEOUT_S:g} s")
+    raise CliRefused(f"{link.peer} did not answer within {ANSWER_TIMEOUT_S:g} s")
 
 
 def _change(link: LobbyClient, name: str) -> float:
@@ -185,7 +185,7 @@ def _wait_for_class(link: LobbyClient) -> None:
     end = time.monotonic() + JOIN_TIMEOUT_S
     while link.ask("isdef(uobjects.UrbihwLatency)").shown != "true":
         if time.monotonic() > end:
-            raise Refused("the process of the remote UObject did not join the server; may this client send devices?")
+            raise CliRefused("the process of the remote UObject did not join the server; may this client send devices?")
         time.sleep(0.02)
 
 

@@ -14,7 +14,7 @@ from typing import Final
 
 from urbihw.cli import logs, urbi
 from urbihw.cli.lobby_client import LobbyClient
-from urbihw.cli.options import DEFAULT_PORT, Parser, Refused, complain, port, split
+from urbihw.cli.options import DEFAULT_PORT, CliRefused, GetoptParser, complain, port, split
 from urbihw.cli.reach import add_access, credentials, server
 from urbihw.client.credentials import Credentials
 from urbihw.client.where import Where
@@ -26,11 +26,14 @@ LOAD_TIMEOUT_S: Final = 10.0
 """Maximum seconds for a server to load a module."""
 
 
-def parser() -> Parser:
+def parser() -> GetoptParser:
     """The options before ``--``."""
     usage = "%(prog)s [OPTION...] MODULE... [-- MODULE-OPTION...]"
-    made = Parser(PROGRAM, "Run Python modules of UObjects; behind -- stand the options of urbi (with --start) or of "
-                  "the modules.", usage)
+    made = GetoptParser(
+        PROGRAM,
+        "Run Python modules of UObjects; behind -- stand the options of urbi (with --start) or of the modules.",
+        usage,
+    )
     made.add_argument("-c", "--customize", metavar="FILE", help="not supported: a server of one's own, in C++")
     made.add_argument("-d", "--debug", type=logs.level, metavar="LEVEL",
                       help=f"what to log: {', '.join(logs.LEVELS)} (GD_LEVEL, or LOG)")
@@ -60,7 +63,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     logs.set_up(PROGRAM, options.debug, os.environ)
     try:
         if options.customize is not None:
-            raise Refused("--customize wants a server in C++, which this is not; leave it out", EX_CONFIG)
+            raise CliRefused("--customize wants a server in C++, which this is not; leave it out", EX_CONFIG)
         if options.mode == "start":
             words = [*server_options(options), *behind]
             return urbi.run(words, PROGRAM, options.modules, *([leave] if argv is None else []))
@@ -74,7 +77,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if where.tls:
             LobbyClient(where, who).close()  # asks the user all questions
         return run(options.modules, where.host, where.port, tls=where.tls, credentials=who, arguments=behind)
-    except Refused as error:
+    except CliRefused as error:
         return complain(PROGRAM, error)
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -87,11 +90,11 @@ def server_options(options: argparse.Namespace) -> list[str]:
 
 
 def server_of(options: argparse.Namespace) -> Where:
-    """The address of the running server.  Raises Refused."""
+    """The address of the running server.  Raises CliRefused."""
     try:
         options.port = DEFAULT_PORT if options.port is None else port(options.port)
     except argparse.ArgumentTypeError as error:
-        raise Refused(str(error), EX_USAGE) from None
+        raise CliRefused(str(error), EX_USAGE) from None
     return server(options)
 
 

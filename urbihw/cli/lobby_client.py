@@ -2,7 +2,7 @@
 
 What the server says is handed out as it was received, and an answer as its line.  Nothing is asked first, so that a
 program meets any server, and its own text has the same places in errors as on a bare connection.  There is one question
-at a time, and no second connection: what fails is a Refused, in one line.
+at a time, and no second connection: what fails is a CliRefused, in one line.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import Final
 
-from urbihw.cli.options import Refused
+from urbihw.cli.options import CliRefused
 from urbihw.client.connection import Connection
 from urbihw.client.credentials import Credentials, Denied
 from urbihw.client.dialect import Native
@@ -32,7 +32,7 @@ BANNER_TIMEOUT_S: Final = 5.0
 
 
 class LobbyClient:
-    """``with LobbyClient(where, credentials) as link``: connected.  Raises Refused when that cannot be.
+    """``with LobbyClient(where, credentials) as link``: connected.  Raises CliRefused when that cannot be.
 
     ``unreachable`` is its exit code then: 1 for the programs of Urbi (docs/programs.md).
     """
@@ -46,9 +46,9 @@ class LobbyClient:
                 where, credentials, CONNECT_TIMEOUT_S, False, self._waiting.append, asks_first=False
             )
         except CannotConnect as error:
-            raise Refused(str(error), unreachable) from error
+            raise CliRefused(str(error), unreachable) from error
         except AccessDenied as error:
-            raise Refused(str(error), EX_UNAVAILABLE) from error
+            raise CliRefused(str(error), EX_UNAVAILABLE) from error
 
     @property
     def ended(self) -> bool:
@@ -60,7 +60,7 @@ class LobbyClient:
         try:
             self._connection.send(text.decode("latin-1"))
         except ClientError:
-            raise Refused(f"{self.peer} does not read what it is sent", EX_UNAVAILABLE) from None
+            raise CliRefused(f"{self.peer} does not read what it is sent", EX_UNAVAILABLE) from None
 
     def read(self, timeout: float | None = None) -> Message | None:
         """The next line; None when the connection has ended (``ended``) or none came within so many seconds."""
@@ -88,7 +88,7 @@ class LobbyClient:
         except TimedOut:
             if not self._waiting:
                 silence = f"said nothing within {timeout:g} s: is it busy, is it an urbiscript server?"
-                raise Refused(f"{self.peer} {silence}") from None
+                raise CliRefused(f"{self.peer} {silence}") from None
         except ClientError:
             raise self._close_reason() from None
         lines = list(self._waiting)
@@ -98,7 +98,7 @@ class LobbyClient:
     def ask(
         self, expression: str, timeout: float = ANSWER_TIMEOUT_S, heard: Callable[[Message], None] = lambda line: None
     ) -> Line:
-        """The value of an expression.  Raises Refused with the server's message on an error.
+        """The value of an expression.  Raises CliRefused with the server's message on an error.
 
         ``heard`` gets the other lines that came before the answer.
         """
@@ -117,7 +117,7 @@ class LobbyClient:
     def follow(self, statement: str, timeout: float) -> Iterator[Line]:
         """Yield the lines that a statement writes to the Channel ``answers``.
 
-        Raises Refused when the statement fails, and when no line arrives within ``timeout`` seconds.
+        Raises CliRefused when the statement fails, and when no line arrives within ``timeout`` seconds.
         """
         stream = LineStream(sent(statement))
         silence = f"sent nothing for {timeout:g} s; is the device switched on (load = 1)?"
@@ -134,20 +134,20 @@ class LobbyClient:
 
     @contextmanager
     def _refusing(self, silence: str) -> Iterator[None]:
-        """Turn errors of the library into Refused; ``silence`` is what is said of a server that says nothing."""
+        """Turn errors of the library into CliRefused; ``silence`` is what is said of a server that says nothing."""
         try:
             yield
         except UrbiError as error:
-            raise Refused(f"{self.peer}: {error}") from None
+            raise CliRefused(f"{self.peer}: {error}") from None
         except TimedOut:
-            raise Refused(f"{self.peer} {silence}") from None
+            raise CliRefused(f"{self.peer} {silence}") from None
         except ClientError:
             raise self._close_reason() from None
 
-    def _close_reason(self) -> Refused:
+    def _close_reason(self) -> CliRefused:
         """The error for a connection that the server has closed, with the server's reason if it gave one."""
         reason = self._connection.close_reason()
-        return Refused(str(reason) if isinstance(reason, Denied) else f"{self.peer}: {reason}")
+        return CliRefused(str(reason) if isinstance(reason, Denied) else f"{self.peer}: {reason}")
 
     def close(self) -> None:
         """Close the connection."""

@@ -33,14 +33,14 @@ _STEADY: Final = {"performance", "schedutil", "userspace"}
 
 
 @dataclass(frozen=True)
-class Finding:
+class ReportLine:
     """One line of the report; a ``bad`` one tells what to do."""
 
     verdict: Verdict
     text: str
 
 
-def check_machine(root: Path = ROOT, run: Run | None = None) -> Iterator[Finding]:
+def check_machine(root: Path = ROOT, run: Run | None = None) -> Iterator[ReportLine]:
     """All checks of this module."""
     execute = run_program if run is None else run
     yield from udev_rules(root)
@@ -64,29 +64,29 @@ def run_program(words: Sequence[str]) -> str:
     return done.stdout.strip() if done.returncode == 0 else ""
 
 
-def udev_rules(root: Path) -> Iterator[Finding]:
+def udev_rules(root: Path) -> Iterator[ReportLine]:
     """Check whether the udev rules are installed."""
     for folder in _RULES:
         for file in sorted((root / folder).glob("*urbihw*.rules")):
-            yield Finding("ok", f"udev rules: /{file.relative_to(root)}")
+            yield ReportLine("ok", f"udev rules: /{file.relative_to(root)}")
             return
-    yield Finding("note", "the udev rules are not installed (names and rights of adapters, 1 ms latency): "
+    yield ReportLine("note", "the udev rules are not installed (names and rights of adapters, 1 ms latency): "
                           "sudo urbihw install-service NAME --platform PLATFORM")
 
 
-def governor(root: Path) -> Iterator[Finding]:
+def governor(root: Path) -> Iterator[ReportLine]:
     """Check the frequency governor of the processor."""
     files = (root / "sys/devices/system/cpu").glob("cpu[0-9]*/cpufreq/scaling_governor")
     found = {_read(file) for file in files}
     slow = sorted(found - _STEADY - {""})
     if slow:
-        yield Finding("note", f"processor governor {', '.join(slow)}: a processor that sleeps answers later; "
+        yield ReportLine("note", f"processor governor {', '.join(slow)}: a processor that sleeps answers later; "
                               "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor")
     else:
-        yield Finding("ok", f"processor governor {', '.join(sorted(found - {''})) or 'none'}")
+        yield ReportLine("ok", f"processor governor {', '.join(sorted(found - {''})) or 'none'}")
 
 
-def throttling(root: Path, run: Run) -> Iterator[Finding]:
+def throttling(root: Path, run: Run) -> Iterator[ReportLine]:
     """Check whether a Raspberry Pi is throttled, or was; nothing on other machines."""
     text = _read(root / _THROTTLED_FILE) or run(("vcgencmd", "get_throttled")).rpartition("=")[2]
     try:
@@ -96,33 +96,37 @@ def throttling(root: Path, run: Run) -> Iterator[Finding]:
     now = [words for bit, words in _THROTTLED.items() if word >> bit & 1]
     once = [words for bit, words in _THROTTLED.items() if word >> bit + 16 & 1]
     if now:
-        yield Finding("bad", f"Raspberry Pi: {', '.join(now)}: take a stronger supply and a shorter cable, or cool it")
+        yield ReportLine(
+            "bad", f"Raspberry Pi: {', '.join(now)}: take a stronger supply and a shorter cable, or cool it"
+        )
     elif once:
-        yield Finding("note", f"Raspberry Pi, since its start: {', '.join(once)}: check its supply and cooling")
+        yield ReportLine("note", f"Raspberry Pi, since its start: {', '.join(once)}: check its supply and cooling")
     else:
-        yield Finding("ok", "Raspberry Pi: not throttled since its start")
+        yield ReportLine("ok", "Raspberry Pi: not throttled since its start")
 
 
-def clock(root: Path, run: Run) -> Iterator[Finding]:
+def clock(root: Path, run: Run) -> Iterator[ReportLine]:
     """Check whether the clock is set by NTP."""
     synchronized = (root / "run/systemd/timesync/synchronized").exists()
     told = "yes" if synchronized else run(("timedatectl", "show", "--property=NTPSynchronized", "--value"))
     if told == "yes":
-        yield Finding("ok", "the clock is synchronized")
+        yield ReportLine("ok", "the clock is synchronized")
     elif told == "no":
-        yield Finding("note", "the clock is not synchronized: times of the log may be wrong; "
+        yield ReportLine("note", "the clock is not synchronized: times of the log may be wrong; "
                               "sudo timedatectl set-ntp true")
     else:
-        yield Finding("note", "whether the clock is synchronized is not known (no timedatectl)")
+        yield ReportLine("note", "whether the clock is synchronized is not known (no timedatectl)")
 
 
-def clock_jump(before: float, after: float) -> Iterator[Finding]:
+def clock_jump(before: float, after: float) -> Iterator[ReportLine]:
     """Check the difference of wall clock and steady clock, in seconds, before and after the other checks."""
     if abs(after - before) > _JUMP_S:
-        yield Finding("note", f"the clock jumped by {after - before:+.3f} s meanwhile: is it set by two programs?")
+        yield ReportLine("note", f"the clock jumped by {after - before:+.3f} s meanwhile: is it set by two programs?")
 
 
-def space(root: Path, free_of: Callable[[Path], int] = lambda path: shutil.disk_usage(path).free) -> Iterator[Finding]:
+def space(
+    root: Path, free_of: Callable[[Path], int] = lambda path: shutil.disk_usage(path).free
+) -> Iterator[ReportLine]:
     """Check the free space where the daemon writes."""
     for place in ("var/lib/urbihw", "var/log", "tmp"):
         if not (root / place).is_dir():
@@ -130,14 +134,14 @@ def space(root: Path, free_of: Callable[[Path], int] = lambda path: shutil.disk_
         free = free_of(root / place)
         text = f"/{place}: {free // _MIB} MB free"
         if free < _NO_SPACE:
-            yield Finding("bad", f"{text}: delete something; sudo journalctl --vacuum-size=100M")
+            yield ReportLine("bad", f"{text}: delete something; sudo journalctl --vacuum-size=100M")
         elif free < _LITTLE_SPACE:
-            yield Finding("note", f"{text}: it will be full soon")
+            yield ReportLine("note", f"{text}: it will be full soon")
         else:
-            yield Finding("ok", text)
+            yield ReportLine("ok", text)
 
 
-def memory(root: Path) -> Iterator[Finding]:
+def memory(root: Path) -> Iterator[ReportLine]:
     """Check memory and swap."""
     rows = {}
     for line in _read(root / "proc/meminfo").splitlines():
@@ -149,15 +153,15 @@ def memory(root: Path) -> Iterator[Finding]:
         return
     text = f"memory: {free // 1024} of {total // 1024} MB free"
     if free < _NO_MEMORY * total:
-        yield Finding("bad", f"{text}: end other programs")
+        yield ReportLine("bad", f"{text}: end other programs")
     else:
-        yield Finding("note" if free < _LITTLE_MEMORY * total else "ok", text)
+        yield ReportLine("note" if free < _LITTLE_MEMORY * total else "ok", text)
     used = rows.get("SwapTotal", 0) - rows.get("SwapFree", 0)
     if used > 0.1 * total:
-        yield Finding("note", f"swap: {used // 1024} MB in use: a robot program that is swapped out reacts late")
+        yield ReportLine("note", f"swap: {used // 1024} MB in use: a robot program that is swapped out reacts late")
 
 
-def load(root: Path, processors: int) -> Iterator[Finding]:
+def load(root: Path, processors: int) -> Iterator[ReportLine]:
     """Check the load of the last minute."""
     try:
         number = float(_read(root / "proc/loadavg").split()[0])
@@ -165,19 +169,19 @@ def load(root: Path, processors: int) -> Iterator[Finding]:
         return
     text = f"load: {number:.2f} on {processors} processors"
     if number > processors:
-        yield Finding("note", f"{text}: other programs hold up the robot; see top")
+        yield ReportLine("note", f"{text}: other programs hold up the robot; see top")
     else:
-        yield Finding("ok", text)
+        yield ReportLine("ok", text)
 
 
-def real_time(root: Path) -> Iterator[Finding]:
+def real_time(root: Path) -> Iterator[ReportLine]:
     """Check the kernel's limit for real-time programs."""
     text = _read(root / "proc/sys/kernel/sched_rt_runtime_us")
     if text == "-1":
-        yield Finding("note", "the kernel does not limit real-time programs: one in a loop stops the machine; "
+        yield ReportLine("note", "the kernel does not limit real-time programs: one in a loop stops the machine; "
                               "sudo sysctl kernel.sched_rt_runtime_us=950000")
     elif text.isdigit():
-        yield Finding("ok", f"real-time programs get at most {int(text) / 10000:.0f} % of a processor")
+        yield ReportLine("ok", f"real-time programs get at most {int(text) / 10000:.0f} % of a processor")
 
 
 def _read(file: Path) -> str:

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Any, Final, NoReturn
 
-from urbihw.cli.options import Version
+from urbihw.cli.options import VersionAction
 from urbihw.exitcodes import EX_CONFIG, INTERRUPTED
 
 PIPE_CLOSED: Final = 141
@@ -51,7 +51,7 @@ COMMANDS: Final = {
 """Subcommand -> help text; each is a module beside this one with ``options(parser)`` and ``run(options)``."""
 
 
-class Parser(argparse.ArgumentParser):
+class CommandParser(argparse.ArgumentParser):
     """Reports wrong options in one line."""
 
     def error(self, message: str) -> NoReturn:
@@ -59,11 +59,11 @@ class Parser(argparse.ArgumentParser):
         self.exit(EX_CONFIG, f"{self.prog}: {message} (see {self.prog} --help)\n")
 
 
-def parser(*wanted: str) -> Parser:
+def parser(*wanted: str) -> CommandParser:
     """The parser of all commands, with the options of the wanted ones; the modules of the others are not imported."""
-    made = Parser(prog="urbihw", description="Robots as urbiscript objects on a TCP port.")
-    made.add_argument("--version", action=Version, text="urbihw {}")
-    commands = made.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
+    made = CommandParser(prog="urbihw", description="Robots as urbiscript objects on a TCP port.")
+    made.add_argument("--version", action=VersionAction, text="urbihw {}")
+    commands = made.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=CommandParser)
     for name, help_ in COMMANDS.items():
         command = commands.add_parser(name, help=help_)
         if name in wanted:
@@ -73,7 +73,7 @@ def parser(*wanted: str) -> Parser:
     return made
 
 
-def full_parser() -> Parser:
+def full_parser() -> CommandParser:
     """The parser with the options of all commands, of which the manual pages and the completion of shells are made."""
     return parser(*COMMANDS)
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from string import Template
 from typing import Final
 
-from urbihw.cli.options import Refused
+from urbihw.cli.options import CliRefused
 from urbihw.exitcodes import EX_CONFIG
 from urbihw.kernel import Kernel
 
@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
         root = _tree(options.folder or Path(__file__).resolve().parents[2])
         _check_name(options.name)
         written = write_skeleton(options.name, root)
-    except Refused as refusal:
+    except CliRefused as refusal:
         print(f"urbihw new-platform: {refusal}", file=sys.stderr)
         return refusal.code
     for path in written:
@@ -52,19 +52,19 @@ def run(options: argparse.Namespace) -> int:
 
 
 def write_skeleton(name: str, root: Path) -> list[Path]:
-    """Write the files of a platform into a tree, and return their paths.  Raises Refused if one exists already."""
+    """Write the files of a platform into a tree, and return their paths.  Raises CliRefused if one exists already."""
     targets = {root / _target(path, name): path for path in sorted(SKELETON.rglob(f"*{SUFFIX}"))}
     folders = {root / folder / name for folder in ("urbihw/platforms", "fakes/urbihw_fakes")}
     for path in sorted(folders | {folder.with_suffix(".py") for folder in folders} | targets.keys()):
         if path.exists():
-            raise Refused(f"{path} is there already: take another name, or remove it", EX_CONFIG)
+            raise CliRefused(f"{path} is there already: take another name, or remove it", EX_CONFIG)
     try:
         for target, source in targets.items():
             text = Template(source.read_text("utf-8")).substitute(name=name, Name=name.capitalize())
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_text(_with_sorted_imports(text), "utf-8")
     except OSError as error:
-        raise Refused(f"{error.filename} cannot be written: {error.strerror}", EX_CONFIG) from error
+        raise CliRefused(f"{error.filename} cannot be written: {error.strerror}", EX_CONFIG) from error
     return list(targets)
 
 
@@ -79,19 +79,21 @@ def _with_sorted_imports(text: str) -> str:
 
 
 def _tree(folder: Path) -> Path:
-    """The root of a tree of the sources.  Raises Refused."""
+    """The root of a tree of the sources.  Raises CliRefused."""
     for part in ("urbihw/platforms", "fakes/urbihw_fakes", "tests/platforms"):
         if not (folder / part).is_dir():
-            raise Refused(f"{folder} has no folder {part}: name a clone of the sources with --folder", EX_CONFIG)
+            raise CliRefused(f"{folder} has no folder {part}: name a clone of the sources with --folder", EX_CONFIG)
     return folder.resolve()
 
 
 def _check_name(name: str) -> None:
-    """Raise Refused if Python, urbiscript or its library uses this name."""
+    """Raise CliRefused if Python, urbiscript or its library uses this name."""
     if not _NAME.fullmatch(name):
-        raise Refused(f"{name!r} cannot be a name: take 2 to 16 letters a to z and digits, a letter first", EX_CONFIG)
+        raise CliRefused(
+            f"{name!r} cannot be a name: take 2 to 16 letters a to z and digits, a letter first", EX_CONFIG
+        )
     if keyword.iskeyword(name) or name in RESERVED:
-        raise Refused(f"{name!r} means something else already: take another name", EX_CONFIG)
+        raise CliRefused(f"{name!r} means something else already: take another name", EX_CONFIG)
     kernel = Kernel()
     lobby = kernel.open_lobby()
     names = ", ".join(f'Global.hasSlot("{each}")' for each in (name, name.capitalize()))
@@ -100,4 +102,4 @@ def _check_name(name: str) -> None:
     kernel.run()
     kernel.close()
     if b"[false, false]" not in lobby.output.take_bytes():
-        raise Refused(f"{name!r} is a word or a slot of urbiscript already: take another name", EX_CONFIG)
+        raise CliRefused(f"{name!r} is a word or a slot of urbiscript already: take another name", EX_CONFIG)

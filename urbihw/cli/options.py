@@ -20,7 +20,7 @@ _PORT: Final = re.compile("-1|[0-9]{1,5}")
 _DIGITS: Final = re.compile("[0-9]{1,12}")
 
 
-class Refused(Exception):
+class CliRefused(Exception):
     """The program cannot carry out the request; the message is one line that tells what to do."""
 
     def __init__(self, message: str, code: int = EX_UNAVAILABLE) -> None:
@@ -28,7 +28,7 @@ class Refused(Exception):
         self.code = code
 
 
-class Version(argparse.Action):
+class VersionAction(argparse.Action):
     """``--version``.  The version is looked up only on request, since it would slow every start down."""
 
     def __init__(self, option_strings: Sequence[str], dest: str, *, text: str) -> None:
@@ -44,7 +44,7 @@ class Version(argparse.Action):
         parser.exit()
 
 
-class Parser(argparse.ArgumentParser):
+class GetoptParser(argparse.ArgumentParser):
     """Parses options as ``getopt_long`` does: the word behind an option that needs a value is its value."""
 
     def __init__(self, prog: str, description: str, usage: str | None = None, *, script: bool = False) -> None:
@@ -52,7 +52,7 @@ class Parser(argparse.ArgumentParser):
         arguments."""
         super().__init__(prog=prog, description=description, usage=usage)
         self._script = script
-        self.add_argument("--version", action=Version, text=prog + " (urbihw {}), urbiscript 2.3")
+        self.add_argument("--version", action=VersionAction, text=prog + " (urbihw {}), urbiscript 2.3")
 
     def parse(self, argv: Sequence[str] | None = None) -> argparse.Namespace:
         """The options of a command line; exits with 64 when they are wrong."""
@@ -83,7 +83,7 @@ class Parser(argparse.ArgumentParser):
         self.exit(EX_USAGE, f"{self.prog}: {text}\nTry `{self.prog} --help' for more information.\n")
 
 
-class Source(argparse.Action):
+class SourceAction(argparse.Action):
     """Collects ``-e`` and ``-f`` in the given order, as pairs of ``const`` and value."""
 
     def __call__(
@@ -99,9 +99,9 @@ class Source(argparse.Action):
 def add_sources(parser: argparse.ArgumentParser) -> None:
     """Add the options ``-e`` and ``-f``, whose values become ``sources``."""
     parser.set_defaults(sources=[])
-    parser.add_argument("-e", "--expression", action=Source, const="text", dest="sources", metavar="EXP",
+    parser.add_argument("-e", "--expression", action=SourceAction, const="text", dest="sources", metavar="EXP",
                         help="send EXP; no separator is added")
-    parser.add_argument("-f", "--file", action=Source, const="file", dest="sources", metavar="FILE",
+    parser.add_argument("-f", "--file", action=SourceAction, const="file", dest="sources", metavar="FILE",
                         help="send the contents of FILE (- is standard input)")
 
 
@@ -145,16 +145,16 @@ def number(least: float, most: float, name: str) -> Callable[[str], float]:
 
 
 def source_bytes(kind: str, value: str) -> bytes:
-    """The bytes of an entry of ``sources``.  Raises Refused when a file cannot be read."""
+    """The bytes of an entry of ``sources``.  Raises CliRefused when a file cannot be read."""
     if kind == "text":
         return value.encode("utf-8", "surrogateescape")
     try:
         return sys.stdin.buffer.read() if value == "-" else Path(value).read_bytes()
     except OSError as error:
-        raise Refused(f"failed to process file {value}: {error.strerror}", EX_NOINPUT) from error
+        raise CliRefused(f"failed to process file {value}: {error.strerror}", EX_NOINPUT) from error
 
 
-def complain(program: str, error: Refused) -> int:
+def complain(program: str, error: CliRefused) -> int:
     """Print the error of a program; returns the exit code."""
     print(f"{program}: {error}", file=sys.stderr)
     return error.code

@@ -14,7 +14,7 @@ from pathlib import Path
 from ssl import SSLContext
 from typing import TYPE_CHECKING, Final
 
-from urbihw.cli.options import DEFAULT_PORT, Refused, complain, number, port
+from urbihw.cli.options import DEFAULT_PORT, CliRefused, complain, number, port
 from urbihw.cli.reach import add_access, credentials, resolve_server
 from urbihw.client.where import is_loopback, why
 from urbihw.daemon import tls
@@ -25,7 +25,7 @@ from urbihw.extras import install_command
 
 if TYPE_CHECKING:
     from urbihw.web.gateway import Gateway
-    from urbihw.web.settings import Settings
+    from urbihw.web.settings import WebSettings
 
 log = logging.getLogger("urbihw.web")
 
@@ -72,16 +72,16 @@ def run(options: argparse.Namespace) -> int:
         if words[:1] == ["remove"] and len(words) == 2:
             return _remove(words[1])
         if len(words) > 1 or words and words[0] in VERBS:
-            raise Refused("give a server, or one of: pair, list, remove NAME", EX_CONFIG)
+            raise CliRefused("give a server, or one of: pair, list, remove NAME", EX_CONFIG)
         return _serve(options)
-    except Refused as error:
+    except CliRefused as error:
         return complain("urbihw panel", error)
     except ImportError as error:
         if (error.name or "").partition(".")[0] not in ("aiohttp", "segno"):
             raise
-        return complain("urbihw panel", Refused(f"this needs a package: {install_command('web')}", EX_CONFIG))
+        return complain("urbihw panel", CliRefused(f"this needs a package: {install_command('web')}", EX_CONFIG))
     except ValueError as error:  # BadConfig, BadPairing
-        return complain("urbihw panel", Refused(str(error), EX_CONFIG))
+        return complain("urbihw panel", CliRefused(str(error), EX_CONFIG))
 
 
 # ---------------------------------------------------------------- serve
@@ -96,21 +96,21 @@ def _serve(options: argparse.Namespace) -> int:
         listener = serving.listen(options.host, options.port)
     except (OSError, UnicodeError) as error:
         reason = f"cannot listen on {options.host}:{options.port}: {why(error)}; choose another --port"
-        raise Refused(reason, EX_UNAVAILABLE) from error
+        raise CliRefused(reason, EX_UNAVAILABLE) from error
     with listener:
         asyncio.run(serving.serve(settings, listener, _show_address, ends_with_input=options.child))
     return EX_OK
 
 
-def _settings(options: argparse.Namespace) -> Settings:
-    """What the options ask for.  Raises Refused or BadConfig."""
+def _settings(options: argparse.Namespace) -> WebSettings:
+    """What the options ask for.  Raises CliRefused or BadConfig."""
     from urbihw.cli.console import address
-    from urbihw.web.settings import Limits, Settings
+    from urbihw.web.settings import WebLimits, WebSettings
 
     try:
         host, server_port = address(options.words[0]) if options.words else (None, DEFAULT_PORT)
     except argparse.ArgumentTypeError as error:
-        raise Refused(str(error), EX_CONFIG) from error
+        raise CliRefused(str(error), EX_CONFIG) from error
     where = resolve_server(host, server_port, options.tls)
     control = options.control
     if control is None and (where.path is not None or is_loopback(where.host)):
@@ -119,10 +119,10 @@ def _settings(options: argparse.Namespace) -> Settings:
     if not platform and control is not None and control.stem.endswith(f"-{server_port}"):
         platform = control.stem.removesuffix(f"-{server_port}")
     folder = state_folder()
-    return Settings(
+    return WebSettings(
         where, credentials(options), folder, control, platform, options.fake, options.host, options.port,
         options.port_file, _tls_context(options, folder), _UNSAFE.sub("-", getpass.getuser())[:40] or "owner",
-        Limits(speed=options.speed),
+        WebLimits(speed=options.speed),
     )  # fmt: skip
 
 
@@ -142,7 +142,7 @@ def _is_own_machine(host: str) -> bool:
     try:
         found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
     except (OSError, UnicodeError) as error:
-        raise Refused(f"{host!r} is no address: {why(error)}; give 127.0.0.1 or 0.0.0.0", EX_CONFIG) from error
+        raise CliRefused(f"{host!r} is no address: {why(error)}; give 127.0.0.1 or 0.0.0.0", EX_CONFIG) from error
     return all(is_loopback(str(row[4][0])) for row in found)
 
 
@@ -175,10 +175,10 @@ def _address_in(folder: Path, number: int) -> str:
     try:
         return (folder / f"panel-{number}").read_text("ascii").strip()
     except FileNotFoundError:
-        raise Refused(f"there is no panel on port {number}: start it (web = true in the settings, or urbihw panel), "
-                      "or give its --port") from None
+        raise CliRefused(f"there is no panel on port {number}: start it (web = true in the settings, or urbihw panel), "
+                         "or give its --port") from None
     except OSError as error:
-        raise Refused(f"cannot read {error.filename}: {error.strerror}; use sudo for a service") from error
+        raise CliRefused(f"cannot read {error.filename}: {error.strerror}; use sudo for a service") from error
 
 
 def _list() -> int:

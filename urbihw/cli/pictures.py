@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from urbihw.cli.options import Refused
+from urbihw.cli.options import CliRefused
 from urbihw.client.lines import Binary
 from urbihw.exitcodes import EX_CONFIG, EX_RUNTIME
 from urbihw.extras import install_command
@@ -30,7 +30,7 @@ MAX_PIXELS: Final = 64 * 1024 * 1024
 
 
 @dataclass(frozen=True)
-class Picture:
+class PictureFile:
     """An image; ``width`` and ``height`` in pixels, 0 if unknown."""
 
     kind: str
@@ -39,22 +39,24 @@ class Picture:
     data: bytes
 
     @classmethod
-    def of(cls, binary: Binary) -> Picture:
-        """The image in a Binary.  Raises Refused if it is no image."""
+    def of(cls, binary: Binary) -> PictureFile:
+        """The image in a Binary.  Raises CliRefused if it is no image."""
         kind, *sizes = binary.keywords.split() or [""]
         if kind not in RAW and kind not in ENCODED:
             known = ", ".join((*ENCODED, *RAW))
-            raise Refused(f"this is no image that is known: {binary.keywords!r}; known are: {known}", EX_RUNTIME)
+            raise CliRefused(f"this is no image that is known: {binary.keywords!r}; known are: {known}", EX_RUNTIME)
         numbers = [int(size) for size in sizes[:2] if size.isdigit() and len(size) < 6]
         width, height = numbers if len(numbers) == 2 else (0, 0)
         if not binary.data:
-            raise Refused("the image is empty; is the camera switched on (load = 1)?", EX_RUNTIME)
+            raise CliRefused("the image is empty; is the camera switched on (load = 1)?", EX_RUNTIME)
         if kind in RAW and len(binary.data) * 8 != width * height * RAW[kind][1]:
-            raise Refused(f"an image of {width} x {height} in {kind} cannot have {len(binary.data)} bytes", EX_RUNTIME)
+            raise CliRefused(
+                f"an image of {width} x {height} in {kind} cannot have {len(binary.data)} bytes", EX_RUNTIME
+            )
         return cls(kind, width, height, binary.data)
 
     def save(self, path: Path) -> None:
-        """Write a file in the format of its extension.  Raises Refused."""
+        """Write a file in the format of its extension.  Raises CliRefused."""
         if path.suffix.lower() in ENCODED.get(self.kind, ()):
             data = self.data
         elif self.kind == "rgb" and path.suffix.lower() in ENCODED["ppm"]:
@@ -64,32 +66,35 @@ class Picture:
         try:
             path.write_bytes(data)
         except OSError as error:
-            raise Refused(f"cannot write {path}: {error.strerror}", EX_CONFIG) from error
+            raise CliRefused(f"cannot write {path}: {error.strerror}", EX_CONFIG) from error
 
     def _converted(self, path: Path) -> bytes:
         image, out = self.decoded(), io.BytesIO()
         try:
             (image if image.mode in ("L", "RGB") else image.convert("RGB")).save(out, _format(path))
         except OSError as error:
-            raise Refused(f"{path}: this image cannot be converted to that: {error}", EX_RUNTIME) from error
+            raise CliRefused(f"{path}: this image cannot be converted to that: {error}", EX_RUNTIME) from error
         return out.getvalue()
 
     def decoded(self) -> Image.Image:
-        """The image as an object of Pillow.  Raises Refused."""
+        """The image as an object of Pillow.  Raises CliRefused."""
         try:
             from PIL import Image
         except ImportError as error:
-            raise Refused(f"this needs Pillow: {install_command('images')}; without it, JPEG can be saved as .jpg, RGB "
-                          "and PPM as .ppm", EX_CONFIG) from error
+            raise CliRefused(
+                f"this needs Pillow: {install_command('images')}; without it, JPEG can be saved as .jpg, RGB "
+                "and PPM as .ppm",
+                EX_CONFIG,
+            ) from error
         try:
             if self.kind in RAW:
                 return Image.frombytes(RAW[self.kind][0], (self.width, self.height), _unpacked(self.kind, self.data))
             image = Image.open(io.BytesIO(self.data), formats=["JPEG", "PPM"])
             if image.width * image.height > MAX_PIXELS:
-                raise Refused(f"an image of {image.width} x {image.height} pixels is too large", EX_RUNTIME)
+                raise CliRefused(f"an image of {image.width} x {image.height} pixels is too large", EX_RUNTIME)
             image.load()
         except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-            raise Refused(f"the image is broken: {error}", EX_RUNTIME) from error
+            raise CliRefused(f"the image is broken: {error}", EX_RUNTIME) from error
         return image
 
 
@@ -111,10 +116,10 @@ def _unpacked(kind: str, data: bytes) -> bytes:
 
 
 def _format(path: Path) -> str:
-    """Pillow's name for the format of a file's extension.  Raises Refused."""
+    """Pillow's name for the format of a file's extension.  Raises CliRefused."""
     from PIL import Image
 
     name = Image.registered_extensions().get(path.suffix.lower())
     if name is None or name not in Image.SAVE:
-        raise Refused(f"{path}: no kind of image has that ending; try .png, .jpg or .ppm", EX_CONFIG)
+        raise CliRefused(f"{path}: no kind of image has that ending; try .png, .jpg or .ppm", EX_CONFIG)
     return name

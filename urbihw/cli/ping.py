@@ -10,16 +10,16 @@ import time
 from collections.abc import Callable, Sequence
 
 from urbihw.cli.lobby_client import LobbyClient
-from urbihw.cli.options import Parser, Refused, complain, number, whole
+from urbihw.cli.options import CliRefused, GetoptParser, complain, number, whole
 from urbihw.cli.reach import add_server, credentials, server
 from urbihw.exitcodes import EX_UNAVAILABLE
 
 PROGRAM = "urbi-ping"
 
 
-def parser() -> Parser:
+def parser() -> GetoptParser:
     """The options of ``urbi-ping``."""
-    made = Parser(PROGRAM, "Measure how long an urbiscript server takes to answer.")
+    made = GetoptParser(PROGRAM, "Measure how long an urbiscript server takes to answer.")
     add_server(made)
     made.add_argument("-c", "--count", type=whole(1, 10**9, "number of questions"), metavar="N",
                       help="stop after N questions (default: at Ctrl-C)")
@@ -46,7 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                 took = measure(link, options.timeout / 1000, time.perf_counter)
                 times.append(took)
                 print(f"answer {asked}: {took * 1000:.3f} ms", flush=True)
-    except Refused as error:
+    except CliRefused as error:
         summary(asked, times)
         return complain(PROGRAM, error)
     except KeyboardInterrupt:

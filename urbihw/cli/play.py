@@ -11,7 +11,7 @@ import sys
 from typing import Final
 
 from urbihw.cli.lobby_client import LobbyClient
-from urbihw.cli.options import Refused, complain, number
+from urbihw.cli.options import CliRefused, complain, number
 from urbihw.cli.reach import add_server, credentials, server
 from urbihw.client.session import Message
 from urbihw.exitcodes import EX_OK, EX_UNAVAILABLE, INTERRUPTED
@@ -45,9 +45,11 @@ def run(options: argparse.Namespace) -> int:
                 return EX_OK
             how = link.ask(statement(options), LONGEST_S, show_warning).shown.strip('"')
             if how != "finished":
-                raise Refused(f"{' '.join(options.names)} was ended by others: by a stop, or by a write to its joints",
-                              EX_UNAVAILABLE)
-    except Refused as error:
+                raise CliRefused(
+                    f"{' '.join(options.names)} was ended by others: by a stop, or by a write to its joints",
+                    EX_UNAVAILABLE,
+                )
+    except CliRefused as error:
         return complain("urbihw play", error)
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -74,9 +76,9 @@ def show_warning(line: Message) -> None:
 
 
 def require_joints(link: LobbyClient) -> None:
-    """Raise Refused if the server has no robot with joints."""
+    """Raise CliRefused if the server has no robot with joints."""
     if link.ask(_HAS_JOINTS).shown != "true":
-        raise Refused(f"{link.peer} has no robot with joints", EX_UNAVAILABLE)
+        raise CliRefused(f"{link.peer} has no robot with joints", EX_UNAVAILABLE)
 
 
 def quoted(text: str) -> str:

@@ -6,19 +6,19 @@ import errno
 
 from urbihw.buses.errors import Unavailable
 from urbihw.buses.link import serial_path
-from urbihw.buses.servos.line import Line
+from urbihw.buses.servos.line import ServoLine
 from urbihw.buses.servos.quiet import check_quiet
 from urbihw.daemon.holders import daemon_of_file, holder_of_file
 
 
-def open_line(url: str, baud: int | None = None) -> Line:
+def open_line(url: str, baud: int | None = None) -> ServoLine:
     """Open a line, at `baud` bits per second instead of the url's own.
 
     Raises BadUrl; Unavailable, which names the process that has the port if that is the reason, and for a line that is
     not quiet.
     """
     try:
-        line = Line.open(url, baud)
+        line = ServoLine.open(url, baud)
     except Unavailable as error:
         path = serial_path(url)
         if error.errno != errno.EBUSY or not path:

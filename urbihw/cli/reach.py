@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from urbihw.cli.options import DEFAULT_PORT, Refused, port
+from urbihw.cli.options import DEFAULT_PORT, CliRefused, port
 from urbihw.client.credentials import Credentials
 from urbihw.client.where import DEFAULT_HOST, Where, where_is
 from urbihw.daemon.runtime import client_sockets
@@ -36,7 +36,7 @@ def add_access(parser: argparse._ActionsContainer) -> None:
 
 
 def server(options: argparse.Namespace) -> Where:
-    """The server that ``add_server``'s options name.  Raises Refused for a port file without a port."""
+    """The server that ``add_server``'s options name.  Raises CliRefused for a port file without a port."""
     number = options.port if options.port_file is None else _port_in(options.port_file)
     return resolve_server(options.host, number, options.tls)
 
@@ -61,11 +61,11 @@ def _port_in(file: Path) -> int:
     try:
         text = file.read_text("ascii", "replace").strip()
     except OSError as error:
-        raise Refused(f"cannot read the port file {file}: {error.strerror}", EX_NOINPUT) from error
+        raise CliRefused(f"cannot read the port file {file}: {error.strerror}", EX_NOINPUT) from error
     try:
         return port(text)
     except argparse.ArgumentTypeError:
-        raise Refused(f"{file} has no port in it; is the server listening (--port)?", EX_CONFIG) from None
+        raise CliRefused(f"{file} has no port in it; is the server listening (--port)?", EX_CONFIG) from None
 
 
 def _sockets(number: int) -> list[Path]:

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from urbihw.buses.verdict import Finding, Level, device_name, judge, level_of, number_in, table_in
+from urbihw.buses.verdict import Level, Reason, device_name, judge, level_of, number_in, table_in
 from urbihw.cli import control
 from urbihw.cli.reach import accepts
 from urbihw.daemon.runtime import SERVICE_FOLDER, control_sockets
@@ -31,7 +31,7 @@ class Report(NamedTuple):
     name: str
     told: Mapping[str, Any]
     problem: str
-    findings: list[Finding]
+    findings: list[Reason]
 
     @property
     def level(self) -> Level:
@@ -85,7 +85,7 @@ def collect_or_complain(path: Path | None) -> list[Report] | int:
 def report(answer: control.Answer) -> Report:
     """The report of an answer; a worker that does not answer is bad."""
     if answer.problem:
-        return Report(answer.name, {}, answer.problem, [Finding(Level.BAD, "silent", "", answer.problem)])
+        return Report(answer.name, {}, answer.problem, [Reason(Level.BAD, "silent", "", answer.problem)])
     return Report(answer.name, answer.state, "", judge(answer.state))
 
 

@@ -17,18 +17,18 @@ from urbihw.buses import ports
 from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
 from urbihw.buses.servos import trace, units
 from urbihw.buses.servos.changes import check_alone, find_all
-from urbihw.buses.servos.device import Scan
+from urbihw.buses.servos.device import ServoScan
 from urbihw.buses.servos.findings import findings as servo_findings
-from urbihw.buses.servos.line import Line
+from urbihw.buses.servos.line import ServoLine
 from urbihw.buses.servos.plan import read_blocks
 from urbihw.buses.servos.registers import ServoError, ServoRegisters, bus_for
-from urbihw.buses.servos.survey import Servo, read_live
+from urbihw.buses.servos.survey import SurveyedServo, read_live
 from urbihw.buses.trace import Chunk
 from urbihw.buses.turnaround import BusMeter
 from urbihw.buses.verdict import ERROR_SHARE, Level, error_level, judge, number_in, rows_in, table_in
 from urbihw.cli import control
 from urbihw.cli.dialogue import Dialogue
-from urbihw.cli.machine import Finding, Verdict
+from urbihw.cli.machine import ReportLine, Verdict
 from urbihw.cli.tracing import WorkerTraffic
 from urbihw.kernel.uobject import BadConfig
 
@@ -58,16 +58,16 @@ class BusReport:
         servos: those that were found, () behind a daemon.
     """
 
-    findings: list[Finding] = field(default_factory=list)
+    findings: list[ReportLine] = field(default_factory=list)
     numbers: dict[str, Any] = field(default_factory=dict)
-    servos: tuple[Servo, ...] = ()
+    servos: tuple[SurveyedServo, ...] = ()
 
 
 def check_served(traffic: WorkerTraffic, seconds: float = WATCH_S) -> BusReport:
-    """Measure the bus of a robot that a daemon serves.  Raises Refused."""
-    report = BusReport([Finding("ok", f"a daemon serves {traffic.about.get('url')}: it is asked, not the robot")])
+    """Measure the bus of a robot that a daemon serves.  Raises CliRefused."""
+    report = BusReport([ReportLine("ok", f"a daemon serves {traffic.about.get('url')}: it is asked, not the robot")])
     told = _health_of(traffic.path)
-    report.findings += (Finding(_VERDICTS[each.level], str(each)) for each in judge(told))
+    report.findings += (ReportLine(_VERDICTS[each.level], str(each)) for each in judge(told))
     devices, speed = traffic.devices, traffic.baud or 1_000_000
     if not told.get("link"):
         return report
@@ -75,18 +75,19 @@ def check_served(traffic: WorkerTraffic, seconds: float = WATCH_S) -> BusReport:
     try:
         decoder = platforms.load_trace(platforms.find(name))(devices)
     except BadConfig:
-        report.findings.append(Finding("note", f"which kind of robot {traffic.path.stem} is, is not known: its bus is "
-                                               "not measured"))
+        report.findings.append(
+            ReportLine("note", f"which kind of robot {traffic.path.stem} is, is not known: its bus is not measured")
+        )
         return report
     meter = BusMeter(decoder, _BITS / speed)
     items = list(traffic.chunks(time.monotonic() + seconds))
     meter.add_all((item for item in items if isinstance(item, Chunk)), is_cut_off=True)
     if not meter.seconds:
-        report.findings.append(Finding("note", f"nothing was on the wire for {seconds:g} s: it is not measured"))
+        report.findings.append(ReportLine("note", f"nothing was on the wire for {seconds:g} s: it is not measured"))
         return report
     lost = sum(item for item in items if isinstance(item, int))
     if lost:
-        report.findings.append(Finding("note", f"{lost} pieces of the traffic were lost on the way here: its errors "
+        report.findings.append(ReportLine("note", f"{lost} pieces of the traffic were lost on the way here: its errors "
                                                "are not counted"))
     bus = table_in(told, "bus")
     rate = number_in(bus, "rate")
@@ -102,17 +103,18 @@ def _lost_devices(told: Mapping[str, Any]) -> set[str]:
     return {str(row.get("device")) for row in rows_in(told, "devices") if row.get("state") == "lost"}
 
 
-def check_line(line: Line) -> BusReport:
+def check_line(line: ServoLine) -> BusReport:
     """Measure a bus of servos that nobody serves: each servo is read several times.  Raises LinkGone."""
     report = BusReport()
     found, once = _look_twice(line)
     report.findings += _conflict_findings(found.conflicts)
     if once:
         shown = ", ".join(map(str, once))
-        report.findings.append(Finding("note", f"servo {shown}: found in one of two searches only: check its cable and "
-                                               "supply"))
+        report.findings.append(
+            ReportLine("note", f"servo {shown}: found in one of two searches only: check its cable and supply")
+        )
     if not found.devices:
-        report.findings.append(Finding("bad", f"{line.name}: no servo answers at {line.baud} bps: is it powered? "
+        report.findings.append(ReportLine("bad", f"{line.name}: no servo answers at {line.baud} bps: is it powered? "
                                               "urbihw scan looks at all speeds"))
         return report
     report.servos = tuple(read_live(bus_for(line.link, device), device) for device in found.devices)
@@ -130,19 +132,19 @@ def check_line(line: Line) -> BusReport:
     devices = [vars(servo.device) for servo in report.servos]
     meter = BusMeter(trace.dynamixel(devices), line.link.byte_time)
     meter.add_all(chunks)
-    report.findings.append(Finding("ok", f"{line.name}: {len(report.servos)} servos at {line.baud} bps"))
+    report.findings.append(ReportLine("ok", f"{line.name}: {len(report.servos)} servos at {line.baud} bps"))
     report.numbers["retries"] = retries
     _describe(report, meter, ROUNDS, "one servo after the other")
     report.findings += _error_findings(meter, ROUNDS, set(), retries)
     for servo in report.servos:
         for each in servo_findings(servo):
             if not each.cost:  # The return delay: told with its gain.
-                report.findings.append(Finding("note", f"servo {servo.device.id}: {each.text}"))
+                report.findings.append(ReportLine("note", f"servo {servo.device.id}: {each.text}"))
     report.findings += _delay_findings(report)
     return report
 
 
-def _look_twice(line: Line) -> tuple[Scan, list[int]]:
+def _look_twice(line: ServoLine) -> tuple[ServoScan, list[int]]:
     """Search twice; return all that was found, and the ids of devices that one of the searches has missed.
 
     Raises LinkGone.
@@ -153,21 +155,21 @@ def _look_twice(line: Line) -> tuple[Scan, list[int]]:
     before, after = both
     found = before | after
     once = sorted(before.keys() ^ after.keys())
-    return Scan(tuple(found[number] for number in sorted(found)), tuple(sorted(conflicts))), once
+    return ServoScan(tuple(found[number] for number in sorted(found)), tuple(sorted(conflicts))), once
 
 
-def _conflict_findings(numbers: Sequence[int]) -> Iterator[Finding]:
+def _conflict_findings(numbers: Sequence[int]) -> Iterator[ReportLine]:
     """One line for the ids that several servos answer; so many at once are rather damaged answers."""
     if len(numbers) > _MANY:
         shown = ", ".join(map(str, numbers[:_MANY]))
-        yield Finding("bad", f"{len(numbers)} ids (first {shown}): no answer is like the one before: check speed, "
+        yield ReportLine("bad", f"{len(numbers)} ids (first {shown}): no answer is like the one before: check speed, "
                              "cable and ground; if they are right, several servos have one id: urbihw servo set-id")
     elif numbers:
         shown = ", ".join(map(str, numbers))
-        yield Finding("bad", f"id {shown}: more than one servo answers: urbihw servo set-id")
+        yield ReportLine("bad", f"id {shown}: more than one servo answers: urbihw servo set-id")
 
 
-def _read_often(line: Line, servo: Servo) -> int:
+def _read_often(line: ServoLine, servo: SurveyedServo) -> int:
     """Read a servo ROUNDS times; return the number of retries."""
     table = servo.device.table
     bus = bus_for(line.link, servo.device)
@@ -195,18 +197,18 @@ def _describe(report: BusReport, meter: BusMeter, cycles: float, how: str) -> No
     }  # fmt: skip
     idle = 100 * (1 - meter.busy)
     text = f"bus: {cycle_bytes:.0f} bytes a cycle, idle {idle:.0f} % of the time ({how})"
-    report.findings.append(Finding("ok", text))
+    report.findings.append(ReportLine("ok", text))
     if times:
         slowest = max(times, key=lambda device: times[device])
         text = (f"turnaround: {1000 * min(times.values()):.2f} .. {1000 * max(times.values()):.2f} ms "
                 f"(the slowest: {slowest})")
         if times[slowest] > _SLOW_S:
-            report.findings.append(Finding("note", f"{text}: return delay, adapter or system"))
+            report.findings.append(ReportLine("note", f"{text}: return delay, adapter or system"))
         else:
-            report.findings.append(Finding("ok", text))
+            report.findings.append(ReportLine("ok", text))
 
 
-def _error_findings(meter: BusMeter, cycles: float, lost: Collection[str], retries: int = 0) -> Iterator[Finding]:
+def _error_findings(meter: BusMeter, cycles: float, lost: Collection[str], retries: int = 0) -> Iterator[ReportLine]:
     """What went wrong on the wire, judged as by ``urbihw health``; devices that are `lost` are told there."""
     silent = {device: count for device, count in meter.silent.items() if device not in lost}
     among = f"in {cycles:.0f} cycles"
@@ -215,18 +217,20 @@ def _error_findings(meter: BusMeter, cycles: float, lost: Collection[str], retri
         times = {device: "once" if count == 1 else f"{count} times" for device, count in silent.items()}
         which = ", ".join(f"{device} ({often})" for device, often in times.items())
         hint = ": check its cable and supply" if level else _NORMAL
-        yield Finding(_VERDICTS[level], f"no answer {among} from {which}{hint}")
+        yield ReportLine(_VERDICTS[level], f"no answer {among} from {which}{hint}")
     if meter.damaged:
         level = error_level("damaged", meter.damaged, cycles)
         hint = ": check cables and ground; two servos may have one id" if level else _NORMAL
-        yield Finding(_VERDICTS[level], f"{meter.damaged} damaged answers {among}{hint}")
+        yield ReportLine(_VERDICTS[level], f"{meter.damaged} damaged answers {among}{hint}")
     if retries:
-        yield Finding(_VERDICTS[error_level("retried", retries, cycles)], f"{retries} questions were repeated {among}")
+        yield ReportLine(
+            _VERDICTS[error_level("retried", retries, cycles)], f"{retries} questions were repeated {among}"
+        )
     if not (silent or meter.damaged or retries):
-        yield Finding("ok", f"no question without an answer, no damaged answer {among}")
+        yield ReportLine("ok", f"no question without an answer, no damaged answer {among}")
 
 
-def delays(servos: Iterable[Servo]) -> dict[int, float]:
+def delays(servos: Iterable[SurveyedServo]) -> dict[int, float]:
     """Return id -> return delay in seconds, of the servos that have one above 0."""
     found = {}
     for servo in servos:
@@ -236,28 +240,28 @@ def delays(servos: Iterable[Servo]) -> dict[int, float]:
     return found
 
 
-def _delay_findings(report: BusReport) -> Iterator[Finding]:
+def _delay_findings(report: BusReport) -> Iterator[ReportLine]:
     """What the return delays cost, for each servo and in all."""
     found = delays(report.servos)
     report.numbers["return_delay"] = found
     for number, seconds in found.items():
-        yield Finding("note", f"servo {number}: return delay {1000 * seconds:.3f} ms: 0 would gain that each cycle")
+        yield ReportLine("note", f"servo {number}: return delay {1000 * seconds:.3f} ms: 0 would gain that each cycle")
     if found:
         gain = 1000 * sum(found.values())
-        yield Finding("note", f"you would gain {gain:.1f} ms a cycle by return delay 0: urbihw doctor URL --mend")
+        yield ReportLine("note", f"you would gain {gain:.1f} ms a cycle by return delay 0: urbihw doctor URL --mend")
 
 
-def mend_delays(line: Line, servos: Iterable[Servo], dialogue: Dialogue) -> Iterator[Finding]:
+def mend_delays(line: ServoLine, servos: Iterable[SurveyedServo], dialogue: Dialogue) -> Iterator[ReportLine]:
     """Write return delay 0 where it is not, after a question; each write is read back.  Raises LinkGone."""
     servos = tuple(servos)
     found = delays(servos)
     if not found:
-        yield Finding("ok", "all return delays are 0")
+        yield ReportLine("ok", "all return delays are 0")
         return
     ids = ", ".join(map(str, found))
     question = f"Write return delay 0 to servo {ids}? Their torque goes off and stays off: hold the robot."
     if not dialogue.confirm(question):
-        yield Finding("note", "nothing was changed")
+        yield ReportLine("note", "nothing was changed")
         return
     for servo in servos:
         if servo.device.id not in found:
@@ -266,12 +270,12 @@ def mend_delays(line: Line, servos: Iterable[Servo], dialogue: Dialogue) -> Iter
             check_alone(line.link, servo.device)
             ServoRegisters(line.link, servo.device).write(DELAY, 0)
         except (ServoError, BusTimeout, BadFrame, DeviceRefused) as error:
-            yield Finding("bad", f"servo {servo.device.id}: return delay not written: {error}")
+            yield ReportLine("bad", f"servo {servo.device.id}: return delay not written: {error}")
         else:
-            yield Finding("ok", f"servo {servo.device.id}: return delay is 0, checked; its torque is off")
+            yield ReportLine("ok", f"servo {servo.device.id}: return delay is 0, checked; its torque is off")
 
 
-def mend_latency(device: str, dialogue: Dialogue, folder: Path = ports.LATENCY) -> Iterator[Finding]:
+def mend_latency(device: str, dialogue: Dialogue, folder: Path = ports.LATENCY) -> Iterator[ReportLine]:
     """Set the latency timer of the adapter of a port to 1 ms, after a question; it lasts until it is unplugged."""
     timer = folder / Path(device).resolve().name / "latency_timer"
     try:
@@ -283,9 +287,9 @@ def mend_latency(device: str, dialogue: Dialogue, folder: Path = ports.LATENCY) 
     try:
         timer.write_text("1\n", "ascii")
     except OSError as error:
-        yield Finding("note", f"latency timer not set: {error.strerror}: echo 1 | sudo tee {timer}")
+        yield ReportLine("note", f"latency timer not set: {error.strerror}: echo 1 | sudo tee {timer}")
     else:
-        yield Finding("ok", f"latency timer of {device}: 1 ms until it is unplugged; the udev rules make it last")
+        yield ReportLine("ok", f"latency timer of {device}: 1 ms until it is unplugged; the udev rules make it last")
 
 
 def _health_of(path: Path) -> Mapping[str, Any]:

@@ -15,11 +15,11 @@ from typing import Final
 
 from urbihw import platforms
 from urbihw.buses.errors import BadUrl
-from urbihw.buses.servos.findings import Finding, cycle_time, findings
-from urbihw.buses.servos.survey import Servo
+from urbihw.buses.servos.findings import ServoFinding, cycle_time, findings
+from urbihw.buses.servos.survey import SurveyedServo
 from urbihw.cli.options import whole
 from urbihw.cli.progress import ProgressBar
-from urbihw.cli.scan_ports import PortReport, Wanted, as_json, firmware, search, shown, wire_findings
+from urbihw.cli.scan_ports import PortReport, ScanWish, as_json, firmware, search, shown, wire_findings
 from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_UNAVAILABLE
 from urbihw.kernel.uobject import BadConfig
 from urbihw.settings import one_line
@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
             return run(options)
         return search_network(options.where)
     protocols = (1, 2) if options.protocol is None else (options.protocol,)
-    wanted = Wanted(options.where, tuple(options.baud), protocols, options.thorough)
+    wanted = ScanWish(options.where, tuple(options.baud), protocols, options.thorough)
     reports = []
     try:
         with ProgressBar() as bar:
@@ -116,7 +116,7 @@ def lines(report: PortReport) -> Iterator[str]:
     yield _summary(report, servos)
 
 
-def _summary(report: PortReport, servos: tuple[Servo, ...]) -> str:
+def _summary(report: PortReport, servos: tuple[SurveyedServo, ...]) -> str:
     cycle = sum(cycle_time(servo, report.latency) for servo in servos)
     gain = sum(finding.cost for servo in servos for finding in findings(servo)) + report.latency * len(servos)
     saved = f", of which {1000 * gain:.1f} ms can be saved" if gain else ""
@@ -124,7 +124,7 @@ def _summary(report: PortReport, servos: tuple[Servo, ...]) -> str:
     return f"  {len(servos)} found in {seconds:.1f} s; reading all takes {1000 * cycle:.1f} ms a cycle{saved}"
 
 
-def _rows(servo: Servo, latency: float) -> list[tuple[str, ...]]:
+def _rows(servo: SurveyedServo, latency: float) -> list[tuple[str, ...]]:
     """The rows of one servo: one more for each further thing that is wrong."""
     device = servo.device
     volts, celsius = shown(servo, "present_voltage"), shown(servo, "present_temperature")
@@ -137,7 +137,7 @@ def _rows(servo: Servo, latency: float) -> list[tuple[str, ...]]:
     return [first, *(("",) * (len(_HEADER) - 1) + (text,) for text in texts[1:])]
 
 
-def _with_cost(finding: Finding) -> str:
+def _with_cost(finding: ServoFinding) -> str:
     return f"{finding.text} ({1000 * finding.cost:.2f} ms a cycle)" if finding.cost else finding.text
 
 

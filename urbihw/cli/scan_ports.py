@@ -15,10 +15,10 @@ from urbihw.buses.errors import LinkGone, Unavailable
 from urbihw.buses.link import Url
 from urbihw.buses.ports import SerialPort, latency, serial_ports
 from urbihw.buses.servos import units
-from urbihw.buses.servos.findings import Finding, cycle_time, findings
+from urbihw.buses.servos.findings import ServoFinding, cycle_time, findings
 from urbihw.buses.servos.line import names_speed
 from urbihw.buses.servos.status import FEETECH
-from urbihw.buses.servos.survey import BAUDS, Progress, Servo, Survey, survey
+from urbihw.buses.servos.survey import BAUDS, Progress, ServoSurvey, SurveyedServo, survey
 from urbihw.cli.ports_in_use import open_line
 from urbihw.kernel.uobject import BadConfig
 
@@ -27,7 +27,7 @@ _SHORTEST_LATENCY: Final = 0.001
 
 
 @dataclass(frozen=True)
-class Wanted:
+class ScanWish:
     """What is searched for.
 
     Attributes:
@@ -61,13 +61,13 @@ class PortReport:
     adapter: str = ""
     serial_number: str = ""
     by_id: str = ""
-    survey: Survey | None = None
+    survey: ServoSurvey | None = None
     problem: str = ""
     latency: float = 0.0
     usable: bool = True
 
 
-def search(wanted: Wanted, progress: Progress) -> Iterator[PortReport]:
+def search(wanted: ScanWish, progress: Progress) -> Iterator[PortReport]:
     """Scan one port or all, one report each, as they are done. Raises BadUrl for a url without sense."""
     ports = serial_ports()
     if wanted.url:
@@ -110,7 +110,7 @@ def _not_for_servos(port: SerialPort) -> str:
     return ""
 
 
-def _scan_port(url: str, port: SerialPort | None, wanted: Wanted, progress: Progress) -> PortReport:
+def _scan_port(url: str, port: SerialPort | None, wanted: ScanWish, progress: Progress) -> PortReport:
     bauds = tuple(wanted.bauds)
     try:
         if bauds or names_speed(url):
@@ -135,31 +135,31 @@ def _report(port: SerialPort | None, url: str = "", **found: Any) -> PortReport:
     return PortReport(url or port.device, adapter_name(port), port.serial_number, port.by_id, **found)
 
 
-def wire_findings(report: PortReport) -> list[Finding]:
+def wire_findings(report: PortReport) -> list[ServoFinding]:
     """What is wrong with the line as a whole."""
     found = []
     if report.latency:
-        found.append(Finding(
+        found.append(ServoFinding(
             f"the adapter keeps each answer back for {1000 * report.latency:.0f} ms: install the udev rules "
             "(docs/operations.md), or write 1 to its latency_timer", report.latency,
         ))  # fmt: skip
     for baud, number in report.survey.conflicts if report.survey else ():
-        found.append(Finding(
+        found.append(ServoFinding(
             f"id {number} at {baud} bps: more than one servo answers; urbihw servo set-id leads through giving one of "
             "them another id"
         ))  # fmt: skip
     speeds = {servo.baud for servo in report.survey.servos} if report.survey else set()
     if len(speeds) > 1 and _same_at_all_speeds(report.survey.servos if report.survey else ()):
-        found.append(Finding(
+        found.append(ServoFinding(
             f"the same servos answer at {len(speeds)} speeds: this port does not set its speed, so ?baud= tells "
             "nothing (a simulated robot: start it with --follow-baud)"
         ))  # fmt: skip
     elif len(speeds) > 1:
-        found.append(Finding("servos of several speeds on one line: give all the same (urbihw servo set-baud)"))
+        found.append(ServoFinding("servos of several speeds on one line: give all the same (urbihw servo set-baud)"))
     return found
 
 
-def _same_at_all_speeds(servos: Iterable[Servo]) -> bool:
+def _same_at_all_speeds(servos: Iterable[SurveyedServo]) -> bool:
     """Whether each speed has found the same devices: a servo hears one speed only."""
     found: dict[int, set[tuple[int, int]]] = {}
     for servo in servos:
@@ -168,13 +168,13 @@ def _same_at_all_speeds(servos: Iterable[Servo]) -> bool:
     return all(each == first for each in others)
 
 
-def shown(servo: Servo, item: str) -> float | None:
+def shown(servo: SurveyedServo, item: str) -> float | None:
     """A live value of a servo in SI units, None if it has none."""
     table, raw = servo.device.table, servo.values.get(item)
     return None if table is None or raw is None else units.to_si(table.item(item), raw)
 
 
-def firmware(servo: Servo) -> str:
+def firmware(servo: SurveyedServo) -> str:
     """The firmware of a servo as people write it: 44, of a Feetech 3.10; "?" if it is not known."""
     number = servo.device.firmware
     if servo.device.protocol == FEETECH:
@@ -199,7 +199,7 @@ def _port_json(report: PortReport) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _servo_json(servo: Servo, late: float) -> dict[str, Any]:
+def _servo_json(servo: SurveyedServo, late: float) -> dict[str, Any]:
     device = servo.device
     return {
         "id": device.id, "baud": servo.baud,
@@ -210,7 +210,7 @@ def _servo_json(servo: Servo, late: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _findings_json(found: Iterable[Finding]) -> list[dict[str, Any]]:
+def _findings_json(found: Iterable[ServoFinding]) -> list[dict[str, Any]]:
     return [{"text": finding.text, "cost": finding.cost} for finding in found]
 
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import BinaryIO
 
 from urbihw.cli.lobby_client import LobbyClient
-from urbihw.cli.options import Parser, Refused, add_sources, complain, source_bytes
+from urbihw.cli.options import CliRefused, GetoptParser, add_sources, complain, source_bytes
 from urbihw.cli.reach import add_server, credentials, server
 from urbihw.client.session import Message
 from urbihw.exitcodes import INTERRUPTED
@@ -19,9 +19,9 @@ from urbihw.exitcodes import INTERRUPTED
 PROGRAM = "urbi-send"
 
 
-def parser() -> Parser:
+def parser() -> GetoptParser:
     """The options of ``urbi-send``."""
-    made = Parser(PROGRAM, "Send commands and files to an urbiscript server.", f"{PROGRAM} OPTION... [FILE...]")
+    made = GetoptParser(PROGRAM, "Send commands and files to an urbiscript server.", f"{PROGRAM} OPTION... [FILE...]")
     add_sources(made)
     add_server(made)
     made.add_argument("-b", "--banner", action="store_true", help="show the banner, too")
@@ -50,7 +50,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             while (received := link.read()) is not None:
                 show(received)
             print("[00000000:client_error] End of file", file=sys.stderr)
-    except Refused as error:
+    except CliRefused as error:
         return complain(PROGRAM, error)
     except KeyboardInterrupt:
         return INTERRUPTED

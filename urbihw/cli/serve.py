@@ -15,8 +15,8 @@ from urbihw.cli.logs import LineFormatter, make_handler
 from urbihw.cli.options import port
 from urbihw.daemon.config import Config, configure
 from urbihw.daemon.journal import journal_handler
-from urbihw.daemon.notify import Notifier
-from urbihw.daemon.service import Service, StartError
+from urbihw.daemon.notify import ServiceNotifier
+from urbihw.daemon.service import DaemonService, StartError
 from urbihw.exitcodes import EX_CONFIG
 from urbihw.kernel.server.exit_watchdog import leave
 from urbihw.kernel.uobject import BadConfig
@@ -59,8 +59,8 @@ def run(options: argparse.Namespace) -> int:
     try:
         settings = config(options)
         logging.basicConfig(handlers=[_log_handler()], level=settings.log_level.upper())
-        with Notifier.from_environment(os.environ) as notifier:
-            return asyncio.run(_serve(Service(settings, notifier, lambda: config(options))))
+        with ServiceNotifier.from_environment(os.environ) as notifier:
+            return asyncio.run(_serve(DaemonService(settings, notifier, lambda: config(options))))
     except (StartError, BadConfig) as error:
         print("urbihw: " + "\n".join(map(escape_unprintable, str(error).split("\n"))), file=sys.stderr)
         return EX_CONFIG
@@ -75,6 +75,6 @@ def _log_handler() -> logging.Handler:
     return handler
 
 
-async def _serve(service: Service) -> int:
+async def _serve(service: DaemonService) -> int:
     code = await service.run()
     leave(code)  # before the service is freed, which takes long

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from urbihw.cli.options import Refused
+from urbihw.cli.options import CliRefused
 from urbihw.cli.terminal import Terminal
 from urbihw.client.where import is_loopback, why
 from urbihw.exitcodes import EX_CONFIG, EX_UNAVAILABLE
@@ -38,7 +38,7 @@ log = logging.getLogger("urbihw.urbi")
 
 
 @dataclass(frozen=True)
-class Settings:
+class UrbiSettings:
     """The settings of ``urbi``.
 
     Attributes:
@@ -68,13 +68,14 @@ class Settings:
     arguments: tuple[str, ...] = ()
 
 
-async def serve(settings: Settings, ended: Callable[[int], None] = lambda code: None) -> int | None:
-    """Serve until ``shutdown``, the end of an interactive session or a signal.  Returns the exit code.  Raises Refused.
+async def serve(settings: UrbiSettings, ended: Callable[[int], None] = lambda code: None) -> int | None:
+    """Serve until ``shutdown``, the end of an interactive session or a signal.  Returns the exit code.
 
+    Raises CliRefused.
     Returns None after ``reboot``: the caller must restart the program.  Otherwise ``ended`` is called with the exit
     code, before the objects of the programs are freed.
     """
-    program = Program(settings)
+    program = UrbiProgram(settings)
     try:
         code = await program.run()
     finally:
@@ -85,10 +86,10 @@ async def serve(settings: Settings, ended: Callable[[int], None] = lambda code: 
     return code
 
 
-class Program:
+class UrbiProgram:
     """The kernel, the console and the server of one ``urbi``."""
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: UrbiSettings) -> None:
         self._settings = settings
         # Ctrl-C may be for a program of the console, so only SIGTERM has a deadline.
         self._process = KernelProcess(fatal=(signal.SIGTERM,), second_is_fatal=True)
@@ -115,7 +116,7 @@ class Program:
         try:
             process.load_modules(settings.modules)
         except BadConfig as error:
-            raise Refused(str(error), EX_CONFIG) from error
+            raise CliRefused(str(error), EX_CONFIG) from error
         terminal.feed(start_up(kernel, CONSOLE_FILES))
         await self._wait(terminal.idle())
         kernel.complete()
@@ -148,7 +149,7 @@ class Program:
                 self._process.bind(host, port)
                 self._process.listen(open_lobby=self._open_lobby)
             except (OSError, UnicodeError) as error:
-                raise Refused(f"cannot listen to port {host}:{port}: {why(error)}", EX_UNAVAILABLE) from error
+                raise CliRefused(f"cannot listen to port {host}:{port}: {why(error)}", EX_UNAVAILABLE) from error
             if not is_loopback(host):
                 log.warning("whoever reaches %s runs programs as the user of this process, and everybody on the way "
                             "can read along; urbihw serve asks for TLS and a token there", host)
@@ -156,7 +157,7 @@ class Program:
             try:
                 self._process.write_port_file(file)
             except OSError as error:
-                raise Refused(f"cannot write {file}: {error.strerror}", EX_CONFIG) from error
+                raise CliRefused(f"cannot write {file}: {error.strerror}", EX_CONFIG) from error
 
     def _no_more_input(self) -> None:
         self._process.interrupter.lobby = None

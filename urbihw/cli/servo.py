@@ -14,12 +14,12 @@ from urbihw.buses.errors import BadUrl, BadValue, BusError, Unavailable
 from urbihw.cli.dialogue import Dialogue
 from urbihw.cli.options import whole
 from urbihw.cli.ports_in_use import open_line
-from urbihw.cli.servo_verbs import Job, adopt, back_up, read, reboot, reset, restore, set_baud, set_id, write
+from urbihw.cli.servo_verbs import VerbJob, adopt, back_up, read, reboot, reset, restore, set_baud, set_id, write
 from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_UNAVAILABLE
 from urbihw.settings import one_line
 
 _id = whole(0, 253, "id")
-_VERBS: Final[dict[str, tuple[str, Callable[[Job], None]]]] = {
+_VERBS: Final[dict[str, tuple[str, Callable[[VerbJob], None]]]] = {
     "set-id": ("give the servo an id, or several servos one after the other", set_id),
     "set-baud": ("set the speed of the servo", set_baud),
     "read": ("print registers with their units", read),
@@ -72,11 +72,11 @@ def run(options: argparse.Namespace) -> int:
     return carry_out(options, _VERBS[options.verb][1])
 
 
-def carry_out(options: argparse.Namespace, verb: Callable[[Job], None]) -> int:
+def carry_out(options: argparse.Namespace, verb: Callable[[VerbJob], None]) -> int:
     """Open the line, carry out a verb, and tell in one line what went wrong; returns the exit code."""
     try:
         with open_line(options.url) as line:
-            verb(Job(line, options, Dialogue()))
+            verb(VerbJob(line, options, Dialogue()))
     except (BadUrl, Unavailable, BadValue) as error:
         return _complain(error, EX_CONFIG)
     except BusError as error:

@@ -11,9 +11,9 @@ from typing import Final
 
 from urbihw.buses.errors import BadValue
 from urbihw.buses.servos import changes, registers_file
-from urbihw.buses.servos.device import Device
-from urbihw.buses.servos.item import Table
-from urbihw.buses.servos.line import Line
+from urbihw.buses.servos.device import ServoDevice
+from urbihw.buses.servos.item import ControlTable
+from urbihw.buses.servos.line import ServoLine
 from urbihw.buses.servos.registers import Crowded, PingsOnly, ServoError, ServoRegisters, bus_for
 from urbihw.buses.servos.registers_file import ServoBackup, describe
 from urbihw.buses.servos.survey import survey
@@ -25,7 +25,7 @@ _ADDRESS: Final = re.compile(r"([0-9]{1,5})(?::([0-9]{1,3}))?")
 
 
 @dataclass(frozen=True)
-class Job:
+class VerbJob:
     """A verb to carry out.
 
     Attributes:
@@ -34,11 +34,11 @@ class Job:
         dialogue: with the user.
     """
 
-    line: Line
+    line: ServoLine
     options: argparse.Namespace
     dialogue: Dialogue
 
-    def find(self, number: int | None) -> Device:
+    def find(self, number: int | None) -> ServoDevice:
         """Return the servo with an id, or the only one; if several answer to one id, ask to unplug all but one.
 
         Raises ServoError.
@@ -51,7 +51,7 @@ class Job:
                 self.dialogue.wait("Unplug all servos with this id but one")
 
 
-def set_id(job: Job) -> None:
+def set_id(job: VerbJob) -> None:
     """Give one servo after the other an id."""
     wanted = job.options.new
     if len(wanted) == 1:
@@ -68,7 +68,7 @@ def set_id(job: Job) -> None:
         changed = new if _set_one_id(job, None, new).id != new else None
 
 
-def _set_one_id(job: Job, number: int | None, new: int) -> Device:
+def _set_one_id(job: VerbJob, number: int | None, new: int) -> ServoDevice:
     """Give a servo an id; return its description from before."""
     device = job.find(number)
     changes.set_id(job.line.link, device, new)
@@ -76,7 +76,7 @@ def _set_one_id(job: Job, number: int | None, new: int) -> Device:
     return device
 
 
-def set_baud(job: Job) -> None:
+def set_baud(job: VerbJob) -> None:
     """Set the speed of a servo."""
     changes.check_findable(job.options.baud)
     before, device = job.line.baud, job.find(job.options.id)
@@ -84,7 +84,7 @@ def set_baud(job: Job) -> None:
     job.dialogue.say(f"servo {device.id}: {before} -> {job.options.baud} bps, checked; its torque is off")
 
 
-def read(job: Job) -> None:
+def read(job: VerbJob) -> None:
     """Print registers, by name or address."""
     device = job.find(job.options.id)
     words = job.options.registers
@@ -102,7 +102,7 @@ def read(job: Job) -> None:
             job.dialogue.say(f"{int(match[1]):4} {data.hex(' ').upper()}")
 
 
-def write(job: Job) -> None:
+def write(job: VerbJob) -> None:
     """Write registers, by name or address."""
     try:
         device = job.find(job.options.id)
@@ -127,7 +127,7 @@ def write(job: Job) -> None:
         job.dialogue.say(f"servo {device.id}: its torque is off now")
 
 
-def _assignment(table: Table, word: str) -> tuple[str, int]:
+def _assignment(table: ControlTable, word: str) -> tuple[str, int]:
     """Return the item and the raw value of NAME=VALUE or ADDRESS=VALUE. Raises BadValue."""
     name, _, value = word.partition("=")
     try:
@@ -141,7 +141,7 @@ def _assignment(table: Table, word: str) -> tuple[str, int]:
     return name, raw
 
 
-def reset(job: Job) -> None:
+def reset(job: VerbJob) -> None:
     """Give a servo its factory values."""
     device = job.find(job.options.id)
     changes.check_reset(job.line.link, device)
@@ -152,31 +152,31 @@ def reset(job: Job) -> None:
     job.dialogue.say(f"servo {device.id}: factory values, checked; its torque is off")
 
 
-def reboot(job: Job) -> None:
+def reboot(job: VerbJob) -> None:
     """Restart a servo."""
     device = job.find(job.options.id)
     changes.reboot(job.line.link, device)
     job.dialogue.say(f"servo {device.id}: restarted")
 
 
-def back_up(job: Job) -> None:
+def back_up(job: VerbJob) -> None:
     """Write the registers of all servos, or one, to a file."""
     backups = read_backups(job, devices(job, job.options.id))
     kept = registers_file.save(job.options.file, backups, title(job.line))
     job.dialogue.say(f"{len(backups)} servos in {job.options.file}" + (f"; the former file is {kept}" if kept else ""))
 
 
-def title(line: Line) -> str:
+def title(line: ServoLine) -> str:
     """The comment at the head of a backup."""
     return f"Registers of the servos on {line.name}, {datetime.date.today().isoformat()}."
 
 
-def read_backups(job: Job, found: Iterable[Device]) -> list[ServoBackup]:
+def read_backups(job: VerbJob, found: Iterable[ServoDevice]) -> list[ServoBackup]:
     """Read all registers of these servos. Raises ServoError for one whose registers are not known."""
     return [changes.back_up(job.line.link, device) for device in found]
 
 
-def devices(job: Job, number: int | None = None) -> list[Device]:
+def devices(job: VerbJob, number: int | None = None) -> list[ServoDevice]:
     """All servos of the line, or one. Raises ServoError when two have one id, or none answers."""
     if number is not None:
         return [job.find(number)]
@@ -188,7 +188,7 @@ def devices(job: Job, number: int | None = None) -> list[Device]:
     return list(found.devices)
 
 
-def restore(job: Job) -> None:
+def restore(job: VerbJob) -> None:
     """Write back what differs in the EEPROM."""
     backups = registers_file.load(job.options.file)
     if job.options.id is not None and job.options.id not in backups:
@@ -209,7 +209,7 @@ def restore(job: Job) -> None:
     tell_problems(problems)
 
 
-def _tell_changes(job: Job, device: Device, backup: ServoBackup | None) -> bool:
+def _tell_changes(job: VerbJob, device: ServoDevice, backup: ServoBackup | None) -> bool:
     """Tell how a servo differs from its backup, and return whether it does. Raises ServoError for another model."""
     if backup is None:
         job.dialogue.say(f"servo {device.id}: not in the backup")
@@ -222,14 +222,14 @@ def _tell_changes(job: Job, device: Device, backup: ServoBackup | None) -> bool:
     return bool(changed)
 
 
-def _restore_one(job: Job, device: Device, backup: ServoBackup) -> list[str]:
+def _restore_one(job: VerbJob, device: ServoDevice, backup: ServoBackup) -> list[str]:
     if not (job.options.yes or job.dialogue.confirm(f"Write these to servo {device.id}?")):
         job.dialogue.say(f"servo {device.id}: nothing is changed")
         return []
     return changes.restore(job.line.link, device, backup)
 
 
-def adopt(job: Job) -> None:
+def adopt(job: VerbJob) -> None:
     """Give a replacement the place of its predecessor."""
     backups = registers_file.load(job.options.file)
     backup = backups.get(job.options.id)
@@ -246,7 +246,7 @@ def adopt(job: Job) -> None:
     tell_problems(problems)
 
 
-def _replacement(job: Job, others: set[int]) -> Device:
+def _replacement(job: VerbJob, others: set[int]) -> ServoDevice:
     """Return the servo that is to be adopted; the line is at its speed then. `others`: ids of the other servos."""
     if job.options.found is not None:
         return job.find(job.options.found)
@@ -268,7 +268,7 @@ def _replacement(job: Job, others: set[int]) -> Device:
     return strangers[0]
 
 
-def _at_other_speeds(job: Job) -> Iterator[Device]:
+def _at_other_speeds(job: VerbJob) -> Iterator[ServoDevice]:
     """Yield the servos at all other speeds; the line is left at that of the last one."""
     job.dialogue.say(f"no new servo at {job.line.baud} bps: looking at all speeds")
     before = job.line.baud

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Final
 
 from urbihw.cli.lobby_client import LobbyClient
-from urbihw.cli.options import Parser, Refused, complain, number
+from urbihw.cli.options import CliRefused, GetoptParser, complain, number
 from urbihw.cli.reach import add_server, credentials, server
-from urbihw.cli.sounds import Sound, wave_file
+from urbihw.cli.sounds import SoundFile, wave_file
 from urbihw.exitcodes import EX_CONFIG, INTERRUPTED
 
 PROGRAM: Final = "urbi-sound"
@@ -24,9 +24,9 @@ PLAYERS: Final = (("aplay", "-q", "-"), ("pw-cat", "-p", "-"), ("play", "-q", "-
 """Programs that play a WAVE file from their standard input; the first one that is installed is used."""
 
 
-def parser() -> Parser:
+def parser() -> GetoptParser:
     """The options of ``urbi-sound``."""
-    made = Parser(PROGRAM, "Record sound from an urbiscript server, to save it (--output) or to play it.")
+    made = GetoptParser(PROGRAM, "Record sound from an urbiscript server, to save it (--output) or to play it.")
     add_server(made)
     made.add_argument("-d", "--device", default="micro", help="record DEVICE.val (%(default)s)")
     made.add_argument("-t", "--duration", type=number(0.001, 3600, "number of seconds"), default=5.0, metavar="S",
@@ -48,9 +48,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         try:
             options.output.write_bytes(data)
         except OSError as error:
-            raise Refused(f"cannot write {options.output}: {error.strerror}", EX_CONFIG) from error
+            raise CliRefused(f"cannot write {options.output}: {error.strerror}", EX_CONFIG) from error
         print(f"{options.output}: {len(data)} bytes")
-    except Refused as error:
+    except CliRefused as error:
         return complain(PROGRAM, error)
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -58,21 +58,23 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def find_player() -> Sequence[str]:
-    """The command of a program that plays sound.  Raises Refused."""
+    """The command of a program that plays sound.  Raises CliRefused."""
     for player in PLAYERS:
         if shutil.which(player[0]) is not None:
             return player
-    raise Refused(f"no program to play sound with ({', '.join(row[0] for row in PLAYERS)}); save it: --output FILE",
-                  EX_CONFIG)
+    raise CliRefused(f"no program to play sound with ({', '.join(row[0] for row in PLAYERS)}); save it: --output FILE",
+                     EX_CONFIG)
 
 
-def recorded(link: LobbyClient, device: str, duration: float) -> Iterator[Sound]:
+def recorded(link: LobbyClient, device: str, duration: float) -> Iterator[SoundFile]:
     """Yield pieces of sound until their total is ``duration`` seconds; each continues where the previous one ended."""
     left = duration
     for line in link.follow(f"at ({device}.val->changed?) answers << {device}.val", TIMEOUT_S):
         if not line.binaries:
-            raise Refused(f"the server answered {line.shown[:60]!r}, which is no sound; which device is it (--device)?")
-        sound = Sound.of(line.binaries[0])
+            raise CliRefused(
+                f"the server answered {line.shown[:60]!r}, which is no sound; which device is it (--device)?"
+            )
+        sound = SoundFile.of(line.binaries[0])
         if sound.samples:
             left -= sound.format.seconds(len(sound.samples))
             yield sound

@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from urbihw.cli.options import Refused
+from urbihw.cli.options import CliRefused
 from urbihw.client.lines import Binary
 from urbihw.exitcodes import EX_RUNTIME
 
@@ -22,7 +22,7 @@ _FLIPPED: Final = bytes(value ^ 0x80 for value in range(256))
 
 
 @dataclass(frozen=True)
-class Format:
+class WaveFormat:
     """The format of samples: channels, samples per second, bytes per sample (1 or 2)."""
 
     channels: int
@@ -35,25 +35,27 @@ class Format:
 
 
 @dataclass(frozen=True)
-class Sound:
+class SoundFile:
     """Samples in the format of a WAVE file."""
 
-    format: Format
+    format: WaveFormat
     samples: bytes
 
     @classmethod
-    def of(cls, binary: Binary) -> Sound:
-        """The sound in a Binary.  Raises Refused if it is no sound."""
+    def of(cls, binary: Binary) -> SoundFile:
+        """The sound in a Binary.  Raises CliRefused if it is no sound."""
         kind, *numbers = binary.keywords.split() or [""]
         if kind == "wav" and binary.data[:4] == b"RIFF":
             return cls._of_file(binary.data)
         plain = all(text.isdigit() and len(text) < 7 for text in numbers)
         if kind not in ("raw", "wav") or len(numbers) < 4 or not plain:
-            raise Refused(f"this is no sound that is known: {binary.keywords!r}; known is: raw CHANNELS RATE BITS SIGN",
-                          EX_RUNTIME)
+            raise CliRefused(
+                f"this is no sound that is known: {binary.keywords!r}; known is: raw CHANNELS RATE BITS SIGN",
+                EX_RUNTIME,
+            )
         channels, rate, bits, sign = map(int, numbers[:4])
         if channels not in (1, 2) or rate not in RATES or bits not in (8, 16) or sign not in (1, 2):
-            raise Refused(f"sound of this kind cannot be written: {binary.keywords!r}", EX_RUNTIME)
+            raise CliRefused(f"sound of this kind cannot be written: {binary.keywords!r}", EX_RUNTIME)
         data = binary.data
         if bits == 8 and sign == 1:
             data = data.translate(_FLIPPED)
@@ -61,26 +63,26 @@ class Sound:
             turned = bytearray(data)
             turned[1::2] = turned[1::2].translate(_FLIPPED)
             data = bytes(turned)
-        return cls(Format(channels, rate, bits // 8), data)
+        return cls(WaveFormat(channels, rate, bits // 8), data)
 
     @classmethod
-    def _of_file(cls, data: bytes) -> Sound:
+    def _of_file(cls, data: bytes) -> SoundFile:
         try:
             with wave.open(io.BytesIO(data)) as file:
-                made = Format(file.getnchannels(), file.getframerate(), file.getsampwidth())
+                made = WaveFormat(file.getnchannels(), file.getframerate(), file.getsampwidth())
                 return cls(made, file.readframes(file.getnframes()))
         except (wave.Error, EOFError) as error:
-            raise Refused(f"the sound is broken: {error}", EX_RUNTIME) from error
+            raise CliRefused(f"the sound is broken: {error}", EX_RUNTIME) from error
 
 
-def wave_file(sounds: Iterable[Sound]) -> bytes:
-    """Join pieces of sound to one file.  Raises Refused if their formats differ, and if there are none."""
+def wave_file(sounds: Iterable[SoundFile]) -> bytes:
+    """Join pieces of sound to one file.  Raises CliRefused if their formats differ, and if there are none."""
     pieces = list(sounds)
     if not pieces:
-        raise Refused("the device gave no sound; is it switched on (load = 1)?", EX_RUNTIME)
+        raise CliRefused("the device gave no sound; is it switched on (load = 1)?", EX_RUNTIME)
     format = pieces[0].format
     if any(piece.format != format for piece in pieces):
-        raise Refused("the device changed the kind of its sound while it was recorded", EX_RUNTIME)
+        raise CliRefused("the device changed the kind of its sound while it was recorded", EX_RUNTIME)
     out = io.BytesIO()
     with wave.open(out, "wb") as file:
         file.setnchannels(format.channels)

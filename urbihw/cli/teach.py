@@ -19,7 +19,7 @@ from importlib.resources import files
 from typing import Final, TextIO
 
 from urbihw.cli.lobby_client import LobbyClient
-from urbihw.cli.options import Refused, complain, number
+from urbihw.cli.options import CliRefused, complain, number
 from urbihw.cli.play import quoted, require_joints
 from urbihw.cli.reach import add_server, credentials, server
 from urbihw.cli.rows import RowsInPlace
@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
     try:
         with LobbyClient(server(options), credentials(options), EX_UNAVAILABLE) as link:
             return Lesson(link, options.name, options.key_poses).run(options.joints, options.rate)
-    except Refused as error:
+    except CliRefused as error:
         return complain("urbihw teach", error)
     except KeyboardInterrupt:
         return INTERRUPTED
@@ -69,7 +69,7 @@ class Lesson:
     """A recording, as seen by who moves the joints."""
 
     def __init__(self, link: LobbyClient, name: str, key_poses: bool) -> None:
-        """Raises Refused if the server has no robot with joints."""
+        """Raises CliRefused if the server has no robot with joints."""
         self._link = link
         self._name = name
         self._key_poses = key_poses
@@ -80,7 +80,7 @@ class Lesson:
         link.send(files("urbihw.cli").joinpath("teach.u").read_bytes())
 
     def run(self, joints: str, rate: float) -> int:
-        """Record, show the joints, take key poses; returns the exit code.  Raises Refused."""
+        """Record, show the joints, take key poses; returns the exit code.  Raises CliRefused."""
         chosen = ", ".join(quoted(name.strip()) for name in joints.split(",") if name.strip())
         rate = 0.0 if self._key_poses else rate
         self._link.send(f"teach.begin({quoted(self._name)}, [{chosen}], {rate!r}),\n".encode())
@@ -102,7 +102,7 @@ class Lesson:
                 ended = self._carry_out(_keys(PERIOD_S))
             problem = self._ask("end").partition("|")[2]
         if problem:
-            raise Refused(problem, EX_RUNTIME)
+            raise CliRefused(problem, EX_RUNTIME)
         print(f"{self._name} is kept: urbihw play {self._name}", flush=True)
         return EX_OK
 

@@ -24,8 +24,8 @@ from urbihw import buses, platforms
 from urbihw.buses.capture import CaptureHead, capture_line, lines_of, read_capture
 from urbihw.buses.errors import BadFrame, BadUrl, LinkGone, Unavailable
 from urbihw.buses.link import Link, Port, Url
-from urbihw.buses.trace import Chunk, Decoder, MakeDecoder, Packet
-from urbihw.cli.options import Refused, number, whole
+from urbihw.buses.trace import Chunk, MakeDecoder, TraceDecoder, TracedPacket
+from urbihw.cli.options import CliRefused, number, whole
 from urbihw.cli.tracing import open_traffic, traffic_of
 from urbihw.cli.urls import check_url
 from urbihw.exitcodes import EX_CONFIG, EX_NOINPUT, EX_OK, EX_UNAVAILABLE
@@ -60,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
     """Show the traffic; returns the exit code."""
     try:
         return _run(options)
-    except Refused as error:
+    except CliRefused as error:
         print(f"urbihw: {error}", file=sys.stderr)
         return error.code
     except (BadConfig, BadUrl) as error:
@@ -72,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 @dataclass(frozen=True)
-class Source:
+class TrafficSource:
     """Where the traffic comes from.
 
     Attributes:
@@ -91,33 +91,33 @@ def _run(options: argparse.Namespace) -> int:
     where, wanted = options.where, options.platform or ""
     if where and Path(where).is_file():
         if options.save is not None and options.save.exists() and options.save.samefile(where):
-            raise Refused(f"--save: {options.save} is what is read: name another file", EX_CONFIG)
+            raise CliRefused(f"--save: {options.save} is what is read: name another file", EX_CONFIG)
         try:
             with open(where, encoding="ascii", errors="replace") as file:
                 return _show_file(file, wanted, options)
         except OSError as error:
-            raise Refused(f"{where}: {error.strerror}", EX_NOINPUT) from error
+            raise CliRefused(f"{where}: {error.strerror}", EX_NOINPUT) from error
     if where:
         check_url(where)
     traffic = open_traffic(options.socket) if options.socket is not None else traffic_of(where)
     if traffic is not None:
         with traffic:
             told = _with_platform(str(traffic.path), CaptureHead(_platform_of(traffic.path), traffic.devices), wanted)
-            return _show(Source(traffic.chunks(until), told, until), options)
+            return _show(TrafficSource(traffic.chunks(until), told, until), options)
     if not where:
-        raise Refused("no daemon answers; start one (urbihw serve), or name a port or a capture", EX_UNAVAILABLE)
+        raise CliRefused("no daemon answers; start one (urbihw serve), or name a port or a capture", EX_UNAVAILABLE)
     if _names_no_port(where):
-        raise Refused(f"no such file or port: {where}", EX_NOINPUT)
+        raise CliRefused(f"no such file or port: {where}", EX_NOINPUT)
     head = _with_platform(where, CaptureHead(_guess(where), guessed=True), wanted)
-    return _show(Source(listen(where, until), head, until), options)
+    return _show(TrafficSource(listen(where, until), head, until), options)
 
 
 def _show_file(file: TextIO, wanted: str, options: argparse.Namespace) -> int:
-    """Show a capture.  Raises Refused, BadConfig, BadFrame."""
+    """Show a capture.  Raises CliRefused, BadConfig, BadFrame."""
     lines = lines_of(file)
     first = next(lines, "")
     head = _with_platform(options.where, CaptureHead.parse(first), wanted)
-    return _show(Source(read_capture(itertools.chain((first,), lines)), head), options)
+    return _show(TrafficSource(read_capture(itertools.chain((first,), lines)), head), options)
 
 
 def _names_no_port(where: str) -> bool:
@@ -129,13 +129,13 @@ def _names_no_port(where: str) -> bool:
 def _with_platform(source: str, head: CaptureHead, wanted: str) -> CaptureHead:
     """Return how traffic is decoded, by what is known of it, and what the user wants.
 
-    Raises Refused for another kind of robot than it comes from, BadConfig for one that there is not.
+    Raises CliRefused for another kind of robot than it comes from, BadConfig for one that there is not.
     """
     if not wanted:
         return head
     known = "" if head.guessed else head.platform
     if known and _decoder_of(wanted) is not _decoder_of(known):
-        raise Refused(f"{source} is the traffic of a {known}, not of a {wanted}: leave --platform out", EX_CONFIG)
+        raise CliRefused(f"{source} is the traffic of a {known}, not of a {wanted}: leave --platform out", EX_CONFIG)
     return CaptureHead(known or wanted, head.devices)
 
 
@@ -151,10 +151,10 @@ def _guess(url: str) -> str:
 
 
 def _decoder_of(name: str) -> MakeDecoder:
-    """Return what makes the decoder of a platform.  Raises Refused, BadConfig."""
+    """Return what makes the decoder of a platform.  Raises CliRefused, BadConfig."""
     if not name:
         known = ", ".join(manifest.name for manifest in _manifests() if manifest.trace)
-        raise Refused(f"how is it decoded? Give --platform, one of: {known}", EX_CONFIG)
+        raise CliRefused(f"how is it decoded? Give --platform, one of: {known}", EX_CONFIG)
     return platforms.load_trace(platforms.find(name))
 
 
@@ -167,10 +167,10 @@ def _manifests() -> Iterator[platforms.Manifest]:
 
 
 def listen(url: str, until: float) -> Iterator[Chunk]:
-    """Yield what arrives on a port, without writing to it.  Raises BadUrl, Refused, Unavailable, LinkGone."""
+    """Yield what arrives on a port, without writing to it.  Raises BadUrl, CliRefused, Unavailable, LinkGone."""
     scheme = Url.parse(url).scheme
     if scheme not in _LISTEN:
-        raise Refused(f"nobody serves {url}, and on {scheme}:// one cannot listen only: start a daemon", EX_CONFIG)
+        raise CliRefused(f"nobody serves {url}, and on {scheme}:// one cannot listen only: start a daemon", EX_CONFIG)
     with closing(buses.open(url)) as port:
         while (now := port.clock.now()) < until:
             for data in _read(port, min(until, now + 1.0)):
@@ -186,7 +186,7 @@ def _read(port: Port, deadline: float) -> Iterable[bytes]:
     return [frame.id.to_bytes(2, "big") + frame.data for frame in can_port(port).receive(_MOST_FRAMES, deadline)]
 
 
-def _show(source: Source, options: argparse.Namespace) -> int:
+def _show(source: TrafficSource, options: argparse.Namespace) -> int:
     """Print the packets until the end, or the number that is wanted."""
     make = _decoder_of(source.head.platform)
     printer = Printer(sys.stdout, options.bytes, options.json, options.count or 0)
@@ -206,7 +206,7 @@ def _show(source: Source, options: argparse.Namespace) -> int:
     except OSError as error:
         if options.save is None or isinstance(error, Unavailable | LinkGone):
             raise
-        raise Refused(f"{options.save}: {error.strerror}", EX_CONFIG) from error
+        raise CliRefused(f"{options.save}: {error.strerror}", EX_CONFIG) from error
     if not options.json:
         print(printer.summary(), file=sys.stderr)
     return EX_OK
@@ -217,9 +217,9 @@ def _private(path: str, flags: int) -> int:
     return os.open(path, flags, 0o600)
 
 
-def _print(source: Source, make: MakeDecoder, printer: Printer, save: TextIO | None) -> None:
+def _print(source: TrafficSource, make: MakeDecoder, printer: Printer, save: TextIO | None) -> None:
     devices = source.head.devices
-    decoder: Decoder = make(devices)
+    decoder: TraceDecoder = make(devices)
     for item in source.items:
         if isinstance(item, Chunk):
             if save is not None:
@@ -255,7 +255,7 @@ class Printer:
         self._count = self._damaged = self._silent = 0
         self.is_full = False
 
-    def show(self, packets: Iterable[Packet]) -> None:
+    def show(self, packets: Iterable[TracedPacket]) -> None:
         """Print packets."""
         for packet in packets:
             if self.is_full:
@@ -277,7 +277,7 @@ class Printer:
         """Print something that is no packet."""
         self._write(json.dumps({"note": text}) if self._as_json else f"-- {text}")
 
-    def line(self, packet: Packet, gap: float) -> str:
+    def line(self, packet: TracedPacket, gap: float) -> str:
         """One packet as a line: time, time since the last one, direction, device, instruction, values, verdict."""
         cells = (
             f"{packet.time - (self._first or 0.0):11.6f} {max(gap, 0.0) * 1000:+9.3f} ms", packet.direction,
@@ -295,7 +295,7 @@ class Printer:
                 f"{self._silent} requests without an answer")
 
     @staticmethod
-    def _json(packet: Packet) -> str:
+    def _json(packet: TracedPacket) -> str:
         return json.dumps({
             "time": packet.time, "direction": packet.direction, "device": packet.device, "what": packet.what,
             "detail": packet.detail, "check": packet.check, "problem": packet.problem, "data": packet.data.hex(),

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from urbihw.buses.link import Url
 from urbihw.buses.trace import Chunk
-from urbihw.cli.options import Refused
+from urbihw.cli.options import CliRefused
 from urbihw.daemon.runtime import control_sockets
 from urbihw.exitcodes import EX_CONFIG, EX_UNAVAILABLE
 
@@ -50,7 +50,7 @@ class WorkerTraffic:
 
     @property
     def devices(self) -> Sequence[Mapping[str, Any]]:
-        """The devices of the answer.  Raises Refused for an answer without sense."""
+        """The devices of the answer.  Raises CliRefused for an answer without sense."""
         rows = self.about.get("devices", [])
         if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
             raise self._refusal()
@@ -58,7 +58,7 @@ class WorkerTraffic:
 
     @property
     def baud(self) -> float:
-        """The speed of the line in bits per second, 0 if it has none.  Raises Refused for an answer without sense."""
+        """The speed of the line in bits/s, 0 if it has none.  Raises CliRefused for an answer without sense."""
         told = self.about.get("baud")
         if told is None:
             return 0.0
@@ -73,22 +73,22 @@ class WorkerTraffic:
     def chunks(self, until: float) -> Iterator[Chunk | int]:
         """Yield chunks, or how many were lost, until a time (``time.monotonic``) or the end of the connection.
 
-        Raises Refused for a lost connection, and for events without sense.
+        Raises CliRefused for a lost connection, and for events without sense.
         """
         while True:
             try:
                 event = self._next_line(until)
                 items = _items(event)
             except OSError as error:
-                raise Refused(f"{self.path}: the daemon has ended the connection", EX_UNAVAILABLE) from error
+                raise CliRefused(f"{self.path}: the daemon has ended the connection", EX_UNAVAILABLE) from error
             except (TypeError, ValueError, OverflowError):
                 raise self._refusal() from None
             if event is None:
                 return
             yield from items
 
-    def _refusal(self) -> Refused:
-        return Refused(_no_sense(self.path), EX_UNAVAILABLE)
+    def _refusal(self) -> CliRefused:
+        return CliRefused(_no_sense(self.path), EX_UNAVAILABLE)
 
     def close(self) -> None:
         """Close the connection."""
@@ -148,21 +148,21 @@ def _number(value: Any) -> float:
 
 
 def open_traffic(path: Path) -> WorkerTraffic:
-    """Open the traffic of a worker.  Raises Refused."""
+    """Open the traffic of a worker.  Raises CliRefused."""
     try:
         return WorkerTraffic(path)
     except OSError as error:
         hint = "is the daemon running?" if not isinstance(error, PermissionError) else "use sudo, or join its group"
-        raise Refused(f"{path}: {error.strerror or 'no answer'}; {hint}", EX_UNAVAILABLE) from error
+        raise CliRefused(f"{path}: {error.strerror or 'no answer'}; {hint}", EX_UNAVAILABLE) from error
     except ValueError as error:
-        raise Refused(str(error), EX_UNAVAILABLE) from error
+        raise CliRefused(str(error), EX_UNAVAILABLE) from error
 
 
 def traffic_of(url: str, port: int | None = None) -> WorkerTraffic | None:
     """Open the traffic of the daemon that serves a url, None if no daemon does; "" is the only one there is, or the one
     that listens on a port.
 
-    Raises Refused.
+    Raises CliRefused.
     """
     found = []
     for path in _sockets():
@@ -181,7 +181,7 @@ def traffic_of(url: str, port: int | None = None) -> WorkerTraffic | None:
     if len(found) > 1:
         found[0].close()
         names = ", ".join(f"--socket {traffic.path}" for traffic in found)
-        raise Refused(f"which robot? Give one of: {names}", EX_CONFIG)
+        raise CliRefused(f"which robot? Give one of: {names}", EX_CONFIG)
     return found[0] if found else None
 
 

@@ -17,8 +17,18 @@ from pathlib import Path
 from typing import Final, NoReturn
 
 from urbihw.cli import logs
-from urbihw.cli.options import Parser, Refused, add_sources, complain, number, port, source_bytes, split, whole
-from urbihw.cli.server import Settings, serve
+from urbihw.cli.options import (
+    CliRefused,
+    GetoptParser,
+    add_sources,
+    complain,
+    number,
+    port,
+    source_bytes,
+    split,
+    whole,
+)
+from urbihw.cli.server import UrbiSettings, serve
 from urbihw.exitcodes import INTERRUPTED
 from urbihw.kernel.server.bounds import HOLD_LIMIT
 from urbihw.kernel.server.exit_watchdog import leave
@@ -29,10 +39,10 @@ DAY_S: Final = 86_400
 MAX_KB: Final = 1 << 30
 
 
-def parser() -> Parser:
+def parser() -> GetoptParser:
     """The options of ``urbi``."""
     usage = "%(prog)s [OPTION...] [SCRIPT [ARGUMENT...]] [-- ARGUMENT...]"
-    made = Parser("urbi", "Run an urbiscript server.", usage, script=True)
+    made = GetoptParser("urbi", "Run an urbiscript server.", usage, script=True)
     made.add_argument("--print-root", action="store_true", help="print the folder of urbihw (or URBI_ROOT) and exit")
     tuning = made.add_argument_group("tuning")
     tuning.add_argument("-d", "--debug", type=logs.level, metavar="LEVEL",
@@ -83,7 +93,7 @@ def run(
     if options.script is not None:
         sources.append(("file", options.script))
     try:
-        settings = Settings(
+        settings = UrbiSettings(
             program=sys.argv[0],
             texts=tuple(_text(kind, value) for kind, value in sources),
             # manual: without any input, the console is interactive
@@ -98,7 +108,7 @@ def run(
             arguments=(*options.arguments, *behind),
         )
         code = asyncio.run(serve(settings, ended))
-    except Refused as error:
+    except CliRefused as error:
         return complain(program, error)
     except KeyboardInterrupt:  # before the server has its own handler
         return INTERRUPTED

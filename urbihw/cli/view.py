@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from urbihw.cli.options import Refused, complain
+from urbihw.cli.options import CliRefused, complain
 from urbihw.cli.reach import add_server, credentials, server
 from urbihw.client.connection import Connection
 from urbihw.client.errors import ClientError
@@ -44,39 +44,39 @@ def run(options: argparse.Namespace) -> int:
     """Show the world until the window is closed, or the server ends; returns the exit code."""
     try:
         if not any(map(os.environ.get, _SCREENS)):
-            raise Refused("there is no screen (DISPLAY is not set): the panel shows the world in a browser, and "
-                          "urbihw film makes a film of it", EX_CONFIG)
+            raise CliRefused("there is no screen (DISPLAY is not set): the panel shows the world in a browser, and "
+                             "urbihw film makes a film of it", EX_CONFIG)
         return _show(options)
-    except Refused as error:
+    except CliRefused as error:
         return complain("urbihw view", error)
     except KeyboardInterrupt:
         return INTERRUPTED
 
 
 def _show(options: argparse.Namespace) -> int:
-    """Open the window.  Raises Refused."""
+    """Open the window.  Raises CliRefused."""
     try:
         mujoco = import_mujoco(has_screen=True)
     except NoMujoco as error:
-        raise Refused(f"windows need mujoco: {install_command('mujoco')}", EX_CONFIG) from error
+        raise CliRefused(f"windows need mujoco: {install_command('mujoco')}", EX_CONFIG) from error
     where = server(options)
     try:
         messages: deque[Message] = deque(maxlen=1)
         robot = Robot(Connection(where, credentials(options), TIMEOUT_S, False, messages.append), messages)
         with robot:
             if not robot.run('Global.hasLocalSlot("worldView")'):
-                raise Refused(f"{where} has no simulated world: serve --platform webots, or --fake --world room",
-                              EX_UNAVAILABLE)
+                raise CliRefused(f"{where} has no simulated world: serve --platform webots, or --fake --world room",
+                                 EX_UNAVAILABLE)
             _follow(mujoco, robot, Path(robot.run("worldView.file")))
     except ClientError as error:
-        raise Refused(str(error), EX_UNAVAILABLE) from error
+        raise CliRefused(str(error), EX_UNAVAILABLE) from error
     except NoPictures as error:
-        raise Refused(f"{error}; is this another machine than that of the server?", EX_UNAVAILABLE) from error
+        raise CliRefused(f"{error}; is this another machine than that of the server?", EX_UNAVAILABLE) from error
     return EX_OK
 
 
 def _follow(mujoco: Any, robot: Robot, file: Path) -> None:
-    """Show each state in the window until it is closed.  Raises NoPictures, Refused, ClientError."""
+    """Show each state in the window until it is closed.  Raises NoPictures, CliRefused, ClientError."""
     model = load_model(mujoco, file)
     data = mujoco.MjData(model)
     with robot.pictures("worldView.state", hz=RATE_HZ) as states, _window(model, data) as window:
@@ -90,20 +90,20 @@ def _follow(mujoco: Any, robot: Robot, file: Path) -> None:
                 try:
                     take_state(mujoco, model, data, state)
                 except ValueError as error:
-                    raise Refused(f"{error}: start urbihw view again", EX_UNAVAILABLE) from error
+                    raise CliRefused(f"{error}: start urbihw view again", EX_UNAVAILABLE) from error
             window.sync()
 
 
 @contextlib.contextmanager
 def _window(model: Any, data: Any) -> Iterator[Any]:
-    """MuJoCo's window while the block runs.  Raises Refused."""
+    """MuJoCo's window while the block runs.  Raises CliRefused."""
     import mujoco.viewer
 
     others = set(threading.enumerate())
     try:
         window = mujoco.viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False)
     except Exception as error:  # whatever the drivers of the graphics raise
-        raise Refused(f"no window can be opened: {' '.join(str(error).split())}", EX_CONFIG) from error
+        raise CliRefused(f"no window can be opened: {' '.join(str(error).split())}", EX_CONFIG) from error
     try:
         yield window
     finally:

@@ -9,32 +9,34 @@ from collections.abc import Iterator
 
 from PIL import ImageTk
 
-from urbihw.cli.options import Refused
-from urbihw.cli.pictures import Picture
+from urbihw.cli.options import CliRefused
+from urbihw.cli.pictures import PictureFile
 from urbihw.exitcodes import EX_CONFIG
 
 POLL_PERIOD_MS: int = 20
 """Milliseconds between two checks for a new image."""
 
 
-def show(pictures: Iterator[Picture], title: str, scale: float) -> None:
-    """Show images until the window is closed.  Raises Refused when there is no screen, or no more images."""
+def show(pictures: Iterator[PictureFile], title: str, scale: float) -> None:
+    """Show images until the window is closed.  Raises CliRefused when there is no screen, or no more images."""
     try:
         root = tkinter.Tk()
     except tkinter.TclError as error:
-        raise Refused(f"there is no screen to show images on ({error}); save one: --output FILE", EX_CONFIG) from error
+        raise CliRefused(
+            f"there is no screen to show images on ({error}); save one: --output FILE", EX_CONFIG
+        ) from error
     root.title(title)
     view = _View(root, scale)
-    news: queue.Queue[Picture | Refused] = queue.Queue(maxsize=2)
+    news: queue.Queue[PictureFile | CliRefused] = queue.Queue(maxsize=2)
     threading.Thread(target=_fetch, args=(pictures, news), daemon=True).start()
-    problem: list[Refused] = []
+    problem: list[CliRefused] = []
 
     def check_queue() -> None:
         try:
             view.show(news.get_nowait())
         except queue.Empty:
             pass
-        except Refused as error:
+        except CliRefused as error:
             problem.append(error)
             root.destroy()
             return
@@ -46,12 +48,12 @@ def show(pictures: Iterator[Picture], title: str, scale: float) -> None:
         raise problem[0]
 
 
-def _fetch(pictures: Iterator[Picture], news: queue.Queue[Picture | Refused]) -> None:
+def _fetch(pictures: Iterator[PictureFile], news: queue.Queue[PictureFile | CliRefused]) -> None:
     """Wait for images in a thread beside the window, and put each image or error into the queue."""
     try:
         for picture in pictures:
             news.put(picture)
-    except Refused as error:
+    except CliRefused as error:
         news.put(error)
 
 
@@ -64,9 +66,9 @@ class _View:
         self._label.pack()
         self._photo: ImageTk.PhotoImage | None = None
 
-    def show(self, news: Picture | Refused) -> None:
+    def show(self, news: PictureFile | CliRefused) -> None:
         """Show an image.  Raises an error that was received instead."""
-        if isinstance(news, Refused):
+        if isinstance(news, CliRefused):
             raise news
         image = news.decoded().convert("RGB")
         if self._scale != 1.0:

@@ -26,7 +26,7 @@ from urbihw.client.literals import (
     written_path,
 )
 from urbihw.client.robot import DEFAULT_PORT, MAX_KEPT_MESSAGES, credentials_of, split_address
-from urbihw.client.session import Found, Message
+from urbihw.client.session import Message, NoPlainValue
 from urbihw.client.streams import EventStream, SampleStream, ShotStream, Stream
 from urbihw.client.where import where_is
 
@@ -96,7 +96,7 @@ class AsyncSlot:
         return written_path(self._path) or "lobby"
 
     def _wrapped(self, answer: Any) -> Any:
-        if isinstance(answer, Found):
+        if isinstance(answer, NoPlainValue):
             return AsyncSlot(self._connection, self._path if answer.kind == "function" else answer.printed)
         if isinstance(answer, list):
             return [self._wrapped(member) for member in answer]

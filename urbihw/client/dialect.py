@@ -97,7 +97,7 @@ class Native:
         return self.evaluate(channel, f'lobby.{stream}.stop | lobby.removeSlot("{stream}") | nil')
 
 
-class Plain(Native):
+class PlainDialect(Native):
     """For other servers."""
 
     has_short_numbers = True

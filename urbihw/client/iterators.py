@@ -6,7 +6,7 @@ from types import TracebackType
 from typing import Any, Generic, TypeVar
 
 from urbihw.client.connection import Connection
-from urbihw.client.streams import EventStream, Happened, Sample, SampleStream, Shot, ShotStream, Stream
+from urbihw.client.streams import EventSample, EventStream, Sample, SampleStream, Shot, ShotStream, Stream
 
 S = TypeVar("S", bound=Stream)
 Self = TypeVar("Self", bound="Items[Any]")
@@ -54,7 +54,7 @@ class Items(Generic[S]):
         self._connection.forget_stream(self._stream)
 
 
-class Watch(Items[SampleStream]):
+class SlotWatch(Items[SampleStream]):
     """Samples of slots: ``(time, values)``."""
 
     @property
@@ -96,7 +96,7 @@ class Shots(Items[ShotStream]):
 class Events(Items[EventStream]):
     """Emissions of an event: ``(time, args)``."""
 
-    def __next__(self) -> Happened:
+    def __next__(self) -> EventSample:
         """The next emission.  Raises TimedOut, or why there is no connection."""
-        item: Happened = self._next()
+        item: EventSample = self._next()
         return item

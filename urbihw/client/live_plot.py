@@ -8,7 +8,7 @@ from html import escape
 from typing import Any, Final
 
 from urbihw.client.errors import ClientError
-from urbihw.client.iterators import Watch
+from urbihw.client.iterators import SlotWatch
 from urbihw.client.streams import Sample
 
 WIDTH, HEIGHT, MARGIN = 640, 240, 40
@@ -20,7 +20,7 @@ MAX_SAMPLES: Final = 20_000
 class LivePlot:
     """Draws what a watch tells, in a thread, until ``close``; ``widget`` is what the notebook shows."""
 
-    def __init__(self, watch: Watch, seconds: float) -> None:
+    def __init__(self, watch: SlotWatch, seconds: float) -> None:
         """``seconds``: the time that the plot shows.  Raises ImportError without ipywidgets."""
         try:
             from ipywidgets import HTML

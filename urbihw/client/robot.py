@@ -16,7 +16,7 @@ from typing import Any, Final
 from urbihw.client.connection import Connection
 from urbihw.client.credentials import ARGUMENTS, Credentials
 from urbihw.client.errors import ClientError
-from urbihw.client.iterators import Events, Shots, Watch
+from urbihw.client.iterators import Events, Shots, SlotWatch
 from urbihw.client.literals import (
     CONSTANTS,
     assignment_text,
@@ -28,7 +28,7 @@ from urbihw.client.literals import (
     literal,
     written_path,
 )
-from urbihw.client.session import Found, Message
+from urbihw.client.session import Message, NoPlainValue
 from urbihw.client.streams import EventStream, SampleStream, ShotStream
 from urbihw.client.where import where_is
 
@@ -227,7 +227,7 @@ class Robot(UrbiObject):
 
     # ---------------------------------------------------------------- what the server sends
 
-    def watch(self, *slots: str, hz: float = 10.0, timeout: float | None = None) -> Watch:
+    def watch(self, *slots: str, hz: float = 10.0, timeout: float | None = None) -> SlotWatch:
         """Iterate over the values of slots: ``for t, v in robot.watch("motor6.val", hz=50)``.
 
         ``t`` is the time of the reading in seconds since 1970, ``v`` a tuple with a value for each slot.  The server
@@ -235,7 +235,7 @@ class Robot(UrbiObject):
         """
         stream = SampleStream(slots, hz)
         self._connection.open_stream(stream)
-        return Watch(self._connection, stream, timeout)
+        return SlotWatch(self._connection, stream, timeout)
 
     def pictures(self, slot: str, hz: float = 10.0, timeout: float | None = None) -> Shots:
         """Iterate over the pictures or sounds of a slot, the newest each time: ``for t, p in
@@ -317,7 +317,7 @@ DEVICES: Final = (
 
 def wrapped(connection: Connection, answer: Any, path: str) -> Any:
     """An answer as the program gets it: objects as ``UrbiObject``.  ``path`` is where it was read, "" for nowhere."""
-    if isinstance(answer, Found):
+    if isinstance(answer, NoPlainValue):
         if answer.kind == "function":
             return UrbiFunction(connection, path)
         return UrbiObject(connection, path or answer.printed, answer.printed, answer.classes)

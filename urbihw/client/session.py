@@ -11,12 +11,12 @@ from collections.abc import Callable
 from time import time
 from typing import Any, Final, NamedTuple
 
-from urbihw.client.dialect import Native, Plain, hello_text
+from urbihw.client.dialect import Native, PlainDialect, hello_text
 from urbihw.client.errors import BadAnswer, ClientError, SlotMissing, UrbiError
 from urbihw.client.lines import Line, Lines
 from urbihw.client.media import media_of
 from urbihw.client.streams import Stream
-from urbihw.client.values import BadValue, value_of
+from urbihw.client.values import NotAValue, value_of
 
 CHANNEL_PREFIX: Final = "_client"
 MAX_QUOTED: Final = 60
@@ -44,7 +44,7 @@ class Message(NamedTuple):
     raw: bytes = b""
 
 
-class Found(NamedTuple):
+class NoPlainValue(NamedTuple):
     """An object or a function of the robot, which has no value in Python."""
 
     kind: str
@@ -86,7 +86,7 @@ class Session:
     def __init__(self, on_message: Callable[[Message], None], asks_first: bool = True) -> None:
         """``asks_first``: what comes before the answer to the first question is no message."""
         self.lines = Lines()
-        self.dialect: Native = Native() if asks_first else Plain()
+        self.dialect: Native = Native() if asks_first else PlainDialect()
         self.offset = 0.0
         self.greeted = not asks_first
         self._on_message = on_message
@@ -126,7 +126,7 @@ class Session:
                             "urbiscript server?")
         _, answers, subscriptions = told
         if not (answers and subscriptions):
-            self.dialect = Plain()
+            self.dialect = PlainDialect()
         self.greeted = True
         self.set_offset(question.stamp / 1000, asked, answered)
 
@@ -201,8 +201,8 @@ class Session:
             return
         try:
             answer = self._convert(line)
-        except BadValue:
-            question.finish(Found("object", line.shown))
+        except NotAValue:
+            question.finish(NoPlainValue("object", line.shown))
             return
         try:
             self._finish(question, answer)
@@ -218,14 +218,14 @@ class Session:
         elif kind == "error":
             question.finish(error=_urbi_error(rest[0], rest[1], question.located))
         elif kind == "object":
-            question.finish(Found(kind, rest[0], tuple(rest[1])))
+            question.finish(NoPlainValue(kind, rest[0], tuple(rest[1])))
         elif kind == "function":
-            question.finish(Found(kind, rest[0]))
+            question.finish(NoPlainValue(kind, rest[0]))
         else:
             question.finish(rest[0] if rest else None)
 
     def _convert(self, line: Line) -> Any:
-        return _decoded(value_of(line, media_of, lambda name: Found("object", name)))
+        return _decoded(value_of(line, media_of, lambda name: NoPlainValue("object", name)))
 
 
 def _decoded(value: Any) -> Any:

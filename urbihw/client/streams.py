@@ -44,7 +44,7 @@ class Shot(NamedTuple):
     value: Blob
 
 
-class Happened(NamedTuple):
+class EventSample(NamedTuple):
     """An event; ``time`` as in ``Sample``, ``args``: the values that it carried."""
 
     time: float
@@ -232,4 +232,4 @@ class EventStream(Stream):
         """Store an emission."""
         time, lost, args = convert(line)
         self._server_lost = int(lost)
-        self.add(Happened(time + offset, tuple(args)))
+        self.add(EventSample(time + offset, tuple(args)))

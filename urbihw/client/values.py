@@ -25,7 +25,7 @@ _ESCAPES: Final = {b"n": b"\n", b"t": b"\t", b"r": b"\r", b"a": b"\a", b"b": b"\
 _CONSTANTS: Final = {b"nil": None, b"void": None, b"true": True, b"false": False}
 
 
-class BadValue(ValueError):
+class NotAValue(ValueError):
     """The text is not a value."""
 
 
@@ -35,7 +35,7 @@ def value_of(
     """The value at the beginning of the text of a line; the text behind it is ignored.
 
     ``binary`` and ``name`` make the Python values of a Binary and of the bare name of an object.  Strings have one
-    character per byte.  Raises BadValue.
+    character per byte.  Raises NotAValue.
     """
     return _Reader(line, binary, name).value(0)
 
@@ -66,19 +66,19 @@ class _Reader:
             try:
                 return float(int(number[0], 16)) if b"x" in number[0] else float(number[0])
             except OverflowError:
-                raise BadValue("a number that is too great") from None
+                raise NotAValue("a number that is too great") from None
         if text.startswith(b"BIN ", at):
             return self._next_binary()
         word = _WORD.match(text, at)
         if word is None:
-            raise BadValue(f"no value: {text[at : at + 40]!r}")
+            raise NotAValue(f"no value: {text[at : at + 40]!r}")
         self._at = word.end()
         return _CONSTANTS[word[0]] if word[0] in _CONSTANTS else self._name(word[0].decode("latin-1"))
 
     def _string(self) -> str:
         found = _STRING.match(self._text, self._at)
         if found is None:
-            raise BadValue("a string without end")
+            raise NotAValue("a string without end")
         self._at = found.end()
         content = found[1]
         if b"\\" in content:
@@ -88,14 +88,14 @@ class _Reader:
     def _next_binary(self) -> Any:
         head, found = _BINARY.match(self._text, self._at), next(self._binaries, None)
         if head is None or found is None:
-            raise BadValue("a Binary without its data")
+            raise NotAValue("a Binary without its data")
         self._at = head.end() + len(found.data)
         return self._binary(found)
 
     def _list(self, deep: int) -> Any:
         """A list, or a dictionary, whose members contain ``=>``."""
         if deep > MAX_DEPTH:
-            raise BadValue(f"lists more than {MAX_DEPTH} deep")
+            raise NotAValue(f"lists more than {MAX_DEPTH} deep")
         found: list[Any] = []
         keyed: dict[str, Any] = {}
         text = self._text
@@ -113,7 +113,7 @@ class _Reader:
             elif mark[:1] == b",":
                 self._at += 1
             elif not mark:
-                raise BadValue("a list without end")
+                raise NotAValue("a list without end")
             else:
                 found.append(self.value(deep + 1))
 
@@ -121,7 +121,7 @@ class _Reader:
         """The rest of ``[=>]``."""
         self._at = _BLANKS.match(self._text, self._at).end() + 1  # type: ignore[union-attr]
         if self._text[self._at - 1 : self._at] != b"]":
-            raise BadValue("a dictionary without a key")
+            raise NotAValue("a dictionary without a key")
         return {}
 
 

@@ -26,7 +26,7 @@ from typing import Final
 from urbihw.backoff import BackOff
 from urbihw.daemon.files import read_regular
 from urbihw.daemon.state import MAX_SECRET_BYTES, lock_folder, read_secret, write_secret
-from urbihw.kernel.server.handshake import Refusal, line
+from urbihw.kernel.server.handshake import HandshakeRefusal, line
 from urbihw.kernel.uobject import BadConfig
 
 log = logging.getLogger("urbihw.access")
@@ -41,7 +41,7 @@ MAX_TOKENS: Final = 1000
 
 
 @dataclass(frozen=True)
-class Entry:
+class StoredToken:
     """A stored token.
 
     Attributes:
@@ -75,7 +75,7 @@ class Tokens:
         self._file = folder / FILE
         self._passed = passed
 
-    def entries(self) -> list[Entry]:
+    def entries(self) -> list[StoredToken]:
         """All tokens, in the order of their creation."""
         found = []
         for number, row in enumerate(self._text().splitlines(), 1):
@@ -83,7 +83,7 @@ class Tokens:
             if len(words) != 4:
                 file = self._passed or self._file
                 raise BadConfig(f"{file}: line {number} is no token: delete that line, and add its owner anew")
-            found.append(Entry(*words))
+            found.append(StoredToken(*words))
         return found
 
     def _text(self) -> str:
@@ -103,7 +103,7 @@ class Tokens:
                 raise BadConfig(f"{name} has a token already; to make another one: urbihw access remove {name}")
             if len(entries) >= MAX_TOKENS:
                 raise BadConfig(f"there are {MAX_TOKENS} tokens, which is the most: urbihw access remove NAME")
-            self._write([*entries, Entry(name, datetime.now(UTC).date().isoformat(), salt, digest(salt, token))])
+            self._write([*entries, StoredToken(name, datetime.now(UTC).date().isoformat(), salt, digest(salt, token))])
         return token
 
     def remove(self, name: str) -> None:
@@ -115,11 +115,11 @@ class Tokens:
                 raise BadConfig(f"there is no token of {name}; there are: {there}")
             self._write([entry for entry in entries if entry.name != name])
 
-    def _write(self, entries: list[Entry]) -> None:
+    def _write(self, entries: list[StoredToken]) -> None:
         rows = (f"{entry.name} {entry.made} {entry.salt} {entry.digest}\n" for entry in entries)
         write_secret(self._file, "".join(rows))
 
-    def find_entry(self, token: str) -> Entry | None:
+    def find_entry(self, token: str) -> StoredToken | None:
         """The entry of a token; None for a wrong one.  The time does not depend on how many characters are right."""
         found = None
         for entry in self.entries():
@@ -157,13 +157,13 @@ class Authenticator:
         """Make the handshake of a connection from an address."""
         return TokenHandshake(self, peer)
 
-    def authenticate(self, peer: str, token: str) -> Entry:
-        """The entry of a token.  Raises Refusal for a wrong one."""
+    def authenticate(self, peer: str, token: str) -> StoredToken:
+        """The entry of a token.  Raises HandshakeRefusal for a wrong one."""
         try:
             entry = self._tokens.find_entry(token)
         except BadConfig as error:
             told = "token refused: the robot cannot read its tokens, its log says why"
-            raise Refusal(line(told), str(error)) from error
+            raise HandshakeRefusal(line(told), str(error)) from error
         if entry is not None:
             self._delays.pop(peer, None)
             return entry
@@ -171,14 +171,17 @@ class Authenticator:
         while len(self._delays) >= MAX_PEERS:
             del self._delays[next(iter(self._delays))]
         self._delays[peer] = delays  # moved to the end: the first one is the least recent
-        raise Refusal(line("token refused: it is wrong, or was removed; the robot makes another one: urbihw access add "
-                           "NAME"), "a wrong token", delays.next_pause())
+        raise HandshakeRefusal(
+            line("token refused: it is wrong, or was removed; the robot makes another one: urbihw access add NAME"),
+            "a wrong token",
+            delays.next_pause(),
+        )
 
     def check(self) -> None:
         """Check that the tokens can be read.  Raises BadConfig."""
         self._tokens.entries()
 
-    def removed_entries(self, entries: Collection[Entry]) -> set[Entry]:
+    def removed_entries(self, entries: Collection[StoredToken]) -> set[StoredToken]:
         """The removed ones of some entries; none while the file cannot be read."""
         if not entries:
             return set()
@@ -200,7 +203,7 @@ class TokenHandshake:
         self._peer = peer
         self._held = b""
         self.answer = b""
-        self.entry: Entry | None = None
+        self.entry: StoredToken | None = None
         """The entry of the client's token, once it is accepted."""
 
     @property
@@ -210,7 +213,7 @@ class TokenHandshake:
 
     def check_bytes(self, data: bytes) -> bytes | None:
         """The bytes behind the first line, if that contains a valid token; None until it is complete.  Raises
-        Refusal."""
+        HandshakeRefusal."""
         self._held += data
         first, end, rest = self._held.partition(b"\n")
         if not end and len(first) <= MAX_FIRST_LINE:
@@ -218,7 +221,9 @@ class TokenHandshake:
         match = _LINE.fullmatch(first) if len(first) <= MAX_FIRST_LINE else None
         self._held = b""
         if match is None:
-            raise Refusal(line("token refused: the first line has to be: token TOKEN"), "no token in its first line")
+            raise HandshakeRefusal(
+                line("token refused: the first line has to be: token TOKEN"), "no token in its first line"
+            )
         self.entry = self._admission.authenticate(self._peer, match[1].decode("ascii"))
         self.answer = line(f"token accepted: {self.entry.name}")
         return rest

@@ -17,8 +17,8 @@ from urbihw.daemon import tls
 from urbihw.daemon.access import CREDENTIAL, Authenticator, TokenHandshake, Tokens
 from urbihw.daemon.config import Config
 from urbihw.daemon.state import credential, state_folder
-from urbihw.kernel.server.connection import Connection
-from urbihw.kernel.server.handshake import HandshakeFactory, PlainHandshake, Refusal, line
+from urbihw.kernel.server.connection import LobbyConnection
+from urbihw.kernel.server.handshake import HandshakeFactory, HandshakeRefusal, PlainHandshake, line
 from urbihw.kernel.uobject import BadConfig
 
 log = logging.getLogger("urbihw.access")
@@ -56,7 +56,7 @@ class AccessPolicy:
             except BadConfig as error:
                 yield f"the certificate stays as it was: {error}"
 
-    def disconnect_removed(self, connections: Iterable[Connection]) -> None:
+    def disconnect_removed(self, connections: Iterable[LobbyConnection]) -> None:
         """Disconnect clients whose token has been removed since their login."""
         if self.authenticator is None:
             return
@@ -68,7 +68,7 @@ class AccessPolicy:
         removed_entries = self.authenticator.removed_entries(holders.values())
         for connection, entry in holders.items():
             if entry in removed_entries:
-                connection.refuse(Refusal(line("token refused: it was removed"), "its token was removed"))
+                connection.refuse(HandshakeRefusal(line("token refused: it was removed"), "its token was removed"))
 
 
 def _certificate(config: Config, folder: Path) -> tls.Files:

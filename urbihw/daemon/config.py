@@ -39,7 +39,7 @@ from urbihw.settings import (
     TEXT,
     TEXTS,
     Mistake,
-    Table,
+    SettingsTable,
     choice,
     from_texts,
     number,
@@ -64,7 +64,7 @@ _NESTING = re.compile(
 
 
 @dataclass(frozen=True)
-class Config(Table):
+class Config(SettingsTable):
     """The settings of the daemon.
 
     Attributes:
@@ -205,7 +205,7 @@ class Loaded:
         return _place(key, self.file) if setting in self.in_file else "default"
 
 
-class Entry(NamedTuple):
+class SettingInForce(NamedTuple):
     """A setting in force: its name (``options.protocol`` in a table), its value, and the source of the value.
 
     ``note`` is an unexpected consequence of the setting together with others, "" for none.  The value of a secret is
@@ -294,24 +294,24 @@ def _files_beside(settings: Path, config: Config) -> dict[str, Any]:
     }
 
 
-def entries(loaded: Loaded) -> Iterator[Entry]:
+def entries(loaded: Loaded) -> Iterator[SettingInForce]:
     """All settings in force, with the options of the platform and the given limits."""
     config = loaded.config
     manifest = platforms.find(config.platform) if config.platform else None
     for key in Config.rules():
         value = getattr(config, key)
         if key == "url" and not value and not config.fake and manifest is not None and manifest.default_url:
-            yield Entry(key, manifest.default_url, f"default of {manifest.name}")
+            yield SettingInForce(key, manifest.default_url, f"default of {manifest.name}")
         elif key not in _TABLES:
             note = _note_of_hold(config) if key == "hold_limit" else ""
-            yield Entry(key, value, loaded.source(key), note)
+            yield SettingInForce(key, value, loaded.source(key), note)
     if manifest is not None:
         yield from _options_in_force(loaded, platforms.load_options(manifest))
     for top, table in (("limits", config.limits), ("devices", config.devices)):
         for key, value in table.items():
             rows = {f".{kind}": row for kind, row in value.items()} if isinstance(value, dict) else {"": value}
             for kind, row in rows.items():
-                yield Entry(f"{top}.{key}{kind}", row, loaded.source(f"{top}.{key}{kind}"))
+                yield SettingInForce(f"{top}.{key}{kind}", row, loaded.source(f"{top}.{key}{kind}"))
 
 
 def _note_of_hold(config: Config) -> str:
@@ -322,16 +322,16 @@ def _note_of_hold(config: Config) -> str:
     return f"a job that holds for longer than dead_man ({dead_man:g} s) stops the robot"
 
 
-def _options_in_force(loaded: Loaded, table: type[Table]) -> Iterator[Entry]:
+def _options_in_force(loaded: Loaded, table: type[SettingsTable]) -> Iterator[SettingInForce]:
     given = loaded.config.options
     _, in_url = split_parameters(loaded.config.url, table.in_url())
     made = table.of(from_texts(table.rules(), in_url, "parameter")[0] | given)
     for key in table.rules():
         source = f"options.{key}" if key in given else "url" if key in in_url else ""
         if key in table.secrets():
-            yield Entry(f"options.{key}", None, loaded.source(source), "secret, not shown")
+            yield SettingInForce(f"options.{key}", None, loaded.source(source), "secret, not shown")
         else:
-            yield Entry(f"options.{key}", getattr(made, key), loaded.source(source))
+            yield SettingInForce(f"options.{key}", getattr(made, key), loaded.source(source))
 
 
 def read_toml(file: Path) -> dict[str, Any]:
@@ -370,7 +370,7 @@ def _read(given: Mapping[str, Any], file: str) -> tuple[dict[str, Any], list[Com
 
 def _mistakes_about_robot(config: Config) -> Iterator[Mistake]:
     """The mistakes in settings that only the platform and the bus can check."""
-    options = Table
+    options = SettingsTable
     try:
         manifest = platforms.find(config.platform) if config.platform else None
         if manifest is not None:
@@ -395,7 +395,7 @@ def _mistakes_about_robot(config: Config) -> Iterator[Mistake]:
         yield from _mistakes_in_url(config.url, options)
 
 
-def _mistakes_in_url(url: str, options: type[Table]) -> Iterator[Mistake]:
+def _mistakes_in_url(url: str, options: type[SettingsTable]) -> Iterator[Mistake]:
     try:
         port, own = split_parameters(url, options.in_url())
         values, mistakes = from_texts(options.rules(), own, "parameter")

@@ -28,7 +28,7 @@ class NoWorker(Exception):
     """The bus worker did not answer; the message is one line that tells why, and what to do."""
 
 
-class Worker:
+class ControlledWorker:
     """The worker behind a control socket; ``path`` None for a robot of another machine."""
 
     def __init__(self, path: Path | None) -> None:

@@ -16,7 +16,7 @@ import threading
 from pathlib import Path
 from typing import Any, Final
 
-from urbihw.daemon.control_client import NoWorker, Worker
+from urbihw.daemon.control_client import ControlledWorker, NoWorker
 from urbihw.daemon.metrics_text import CONTENT_TYPE, render
 
 MAX_CLIENTS: Final = 8
@@ -153,7 +153,7 @@ class MetricsServer:
     async def _ask(self) -> dict[str, Any] | None:
         """The answer of the worker; None without one."""
         with contextlib.suppress(NoWorker):
-            return await Worker(self._control).ask("health")
+            return await ControlledWorker(self._control).ask("health")
         return None
 
 

@@ -21,7 +21,7 @@ from urbihw.settings import one_line
 log = logging.getLogger("urbihw.notify")
 
 
-class Notifier:
+class ServiceNotifier:
     """Sends messages to the service manager; without an address it sends nothing.
 
     ::
@@ -46,7 +46,7 @@ class Notifier:
             self._socket.setblocking(False)
 
     @classmethod
-    def from_environment(cls, environment: Mapping[str, str], pid: int | None = None) -> Notifier:
+    def from_environment(cls, environment: Mapping[str, str], pid: int | None = None) -> ServiceNotifier:
         """The notifier for the variables of the environment; ``pid`` is the own process id."""
         wanted = environment.get("WATCHDOG_USEC", "")
         whose = environment.get("WATCHDOG_PID", "")
@@ -84,7 +84,7 @@ class Notifier:
             self._socket.close()
             self._socket = None
 
-    def __enter__(self) -> Notifier:
+    def __enter__(self) -> ServiceNotifier:
         return self
 
     def __exit__(

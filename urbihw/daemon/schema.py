@@ -14,7 +14,7 @@ from typing import Any, Final
 from urbihw import platforms
 from urbihw.daemon.config import Config
 from urbihw.platforms import DeviceLimits, DeviceSettings, Manifest
-from urbihw.settings import Table
+from urbihw.settings import SettingsTable
 
 DRAFT: Final = "https://json-schema.org/draft/2020-12/schema"
 _ROW: Final = re.compile(r"^    ([\w, ]+): (.*(?:\n     .*)*)", re.MULTILINE)
@@ -41,7 +41,7 @@ def schema() -> dict[str, Any]:
     }
 
 
-def of_table(table: type[Table]) -> dict[str, Any]:
+def of_table(table: type[SettingsTable]) -> dict[str, Any]:
     """The rows of a table, with their defaults and descriptions."""
     default, about = table(), meanings(table)
     rows = {}
@@ -53,7 +53,7 @@ def of_table(table: type[Table]) -> dict[str, Any]:
     return {"type": "object", "additionalProperties": False, "properties": rows}
 
 
-def meanings(table: type[Table]) -> dict[str, str]:
+def meanings(table: type[SettingsTable]) -> dict[str, str]:
     """The descriptions of the rows of a table, by name, from "Attributes" in its docstring and in those of its
     bases."""
     found: dict[str, str] = {}

@@ -30,14 +30,14 @@ from urbihw.daemon.dead_sockets import remove_dead_sockets
 from urbihw.daemon.fake import SCENE_WORD, Fake, FakeConsole, FakeScene
 from urbihw.daemon.files import read_regular
 from urbihw.daemon.holders import holder_of_file, holder_of_port
-from urbihw.daemon.notify import Notifier
+from urbihw.daemon.notify import ServiceNotifier
 from urbihw.daemon.observers import END_TIMEOUT_S, Observers
 from urbihw.daemon.reload import Reloader, restart_settings
 from urbihw.daemon.runtime import client_path, control_path, runtime_folder
 from urbihw.daemon.state import motions_folder, robots_folder
 from urbihw.kernel.process import KernelProcess, resolver
 from urbihw.kernel.server.bounds import bounds
-from urbihw.kernel.uobject import BadConfig, DeviceError, NotReady, Robot, RobotSettings, not_ended
+from urbihw.kernel.uobject import BadConfig, DeviceError, NotReady, PlatformRobot, RobotSettings, not_ended
 from urbihw.kernel.uobject.protection import protect_robot
 from urbihw.platforms import Manifest
 from urbihw.platforms.scene.view import TREE, WorldView
@@ -62,18 +62,18 @@ class StartError(Exception):
     """The daemon cannot serve with its configuration; the message is one line that tells what to do."""
 
 
-class Service:
+class DaemonService:
     """``await Service(config).run()`` serves until SIGTERM, SIGINT or ``stop()``; the result is the exit code."""
 
     def __init__(
-        self, config: Config, notifier: Notifier | None = None, reread: Callable[[], Config] | None = None
+        self, config: Config, notifier: ServiceNotifier | None = None, reread: Callable[[], Config] | None = None
     ) -> None:
         """``notifier`` reports to the service manager; ``reread`` loads the settings again, for SIGHUP."""
         self._config = config
-        self._notifier = notifier if notifier is not None else Notifier()
+        self._notifier = notifier if notifier is not None else ServiceNotifier()
         self._reread = reread
         self._process: KernelProcess
-        self._robot: Robot | None = None
+        self._robot: PlatformRobot | None = None
         self._robot_url = ""
         self._slot = ""
         self._waits_for_robot = False
@@ -242,7 +242,7 @@ class Service:
         if reason:
             log.warning("the port is not open yet: %s", reason)
 
-    async def _open(self, manifest: Manifest, kind: type[Robot]) -> None:
+    async def _open(self, manifest: Manifest, kind: type[PlatformRobot]) -> None:
         """Open the robot, and wait until it is there, or known to be absent.  Raises DeviceError."""
         self._robot_url = url = await self._fake.url() if self._fake is not None else self._bus_url(manifest)
         if self._fake is not None:

@@ -2,11 +2,11 @@
 
 ::
 
-    UrbiError                a urbiscript value, thrown by ``throw`` or by native code
+    ThrownError              a urbiscript value, thrown by ``throw`` or by native code
       Raised                 raised by native code: a kind of Exception and its arguments, built into an object only
                              on demand
         LookupFailed         a slot was not found
-        TooDeep, TooLong     a statement that cannot be compiled
+        TooDeep, StatementTooLong  a statement that cannot be compiled
 
 ``sched.signals`` has the exceptions that unwind a job without being errors.
 """
@@ -16,7 +16,7 @@ from __future__ import annotations
 from typing import Any
 
 
-class UrbiError(Exception):
+class ThrownError(Exception):
     """A value thrown by urbiscript code; ``value`` is the thrown value."""
 
     def __init__(self, value: Any) -> None:
@@ -24,7 +24,7 @@ class UrbiError(Exception):
         self.value = value
 
 
-class Raised(UrbiError):
+class Raised(ThrownError):
     """An exception raised by native code: ``kind`` is a slot of Exception, ``args`` are the arguments of its
     constructor.
 
@@ -56,7 +56,7 @@ class TooDeep(Raised):
         super().__init__("Scheduling", TOO_DEEP, None)
 
 
-class TooLong(Raised):
+class StatementTooLong(Raised):
     """A statement is longer than can be compiled; a caller that knows its location converts the error to a syntax
     error.
     """
@@ -65,14 +65,14 @@ class TooLong(Raised):
         super().__init__("Scheduling", TOO_LONG, None)
 
 
-class Refused(Raised):
+class MovementRefused(Raised):
     """A movement is not allowed now; the write that caused it is undone."""
 
     def __init__(self, message: str) -> None:
         super().__init__("Primitive", message, None)
 
 
-class Stopped(Refused):
+class MovementStopped(MovementRefused):
     """A statement that began before a stop tried to move a stopped device; a program continues only if it catches this
     error.
     """

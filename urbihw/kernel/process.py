@@ -39,7 +39,7 @@ from urbihw.kernel.server.exit_watchdog import END_TIMEOUT_S, ExitWatchdog
 from urbihw.kernel.server.handshake import HandshakeFactory, PlainHandshake
 from urbihw.kernel.server.interrupt import Interrupter
 from urbihw.kernel.server.log_tap import LogTap
-from urbihw.kernel.server.loop import Driver
+from urbihw.kernel.server.loop import LoopDriver
 from urbihw.kernel.server.tcp import MAX_CLIENTS, OpenLobby, Server
 
 T = TypeVar("T")
@@ -96,7 +96,7 @@ class KernelProcess:
         self._port_file: Path | None = None
         self._log_tap: LogTap | None = None
         self.stopped: asyncio.Future[None] = self._loop.create_future()
-        self.driver: Driver | None = None
+        self.driver: LoopDriver | None = None
         self.server: Server | None = None
         self.port = -1
 
@@ -177,7 +177,7 @@ class KernelProcess:
         the process restarts, None if it cannot.
         """
         self.kernel = Kernel(fast=fast, led=led, process=HostProcess(name, arguments, self.stop, reboot))
-        self.driver = Driver(self.kernel.scheduler, limits)
+        self.driver = LoopDriver(self.kernel.scheduler, limits)
         self.interrupter = Interrupter(self.kernel.scheduler, self.stop, second_is_fatal=self._second_is_fatal)
         self._log_tap = LogTap(self.kernel.post, self.kernel.programs.log.add)
         self._log_tap.attach()

@@ -8,7 +8,7 @@ from typing import Final
 
 from urbihw.kernel.compiler import compile_node
 from urbihw.kernel.syntax.lexer import Lexer
-from urbihw.kernel.syntax.reader import Reader, Statement, SyntaxProblem, parse_program
+from urbihw.kernel.syntax.reader import Statement, StatementReader, SyntaxProblem, parse_program
 from urbihw.kernel.syntax.tokens import ANGLES, DURATIONS, IGNORED, KEYWORDS, SYNONYMS
 
 WORDS: Final = frozenset({*KEYWORDS, *SYNONYMS, *IGNORED})
@@ -59,7 +59,7 @@ class Input:
     """Tracks whether the bytes sent to a server end within a statement."""
 
     def __init__(self) -> None:
-        self._reader = Reader()
+        self._reader = StatementReader()
 
     def feed(self, data: bytes) -> None:
         """Add bytes."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
-from urbihw.navigation.drive import Drive, Motion
+from urbihw.navigation.drive import Drive, DriveMotion
 from urbihw.navigation.frames import Point, Pose
 from urbihw.navigation.options import NavigationOptions
 
@@ -17,7 +17,7 @@ Echo = tuple[float, float]
 """Distance in m and angle in rad (to the left) from a scanner."""
 
 
-class Log(Protocol):
+class NavigationLog(Protocol):
     """Receives warnings: a logger of the standard library, or one that limits repetitions."""
 
     def warning(self, text: str, *values: Any) -> None:
@@ -25,7 +25,7 @@ class Log(Protocol):
         ...
 
 
-class Worker(Protocol):
+class ScannerWorker(Protocol):
     """The process or thread that owns the wire of a scanner."""
 
     def stop(self) -> None:
@@ -76,7 +76,7 @@ class Scanner(Protocol):
         ...
 
 
-class Base(Protocol):
+class DrivenBase(Protocol):
     """A base that the navigator can drive.
 
     It calls ``Navigator.pose_changed`` after each measurement of its pose, and ``Navigator.motion_ended`` when its
@@ -107,7 +107,7 @@ class Base(Protocol):
         ...
 
     @property
-    def log(self) -> Log:
+    def log(self) -> NavigationLog:
         """The log of the robot."""
         ...
 
@@ -119,7 +119,7 @@ class Base(Protocol):
         """Claim the base for motions of the running job.  Raises what ``kernel.uobject.Motion.admit`` raises."""
         ...
 
-    def begin_motion(self, motion: Motion) -> None:
+    def begin_motion(self, motion: DriveMotion) -> None:
         """Begin a motion of the job that called ``claim_motion`` last, and order its first speeds."""
         ...
 

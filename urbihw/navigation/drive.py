@@ -39,7 +39,7 @@ class State:
 
 
 @dataclass(slots=True)
-class Limits:
+class DriveLimits:
     """The limits of the robot, and the speeds of motions without a given speed; m/s, rad/s, m/s2, rad/s2.
 
     Attributes:
@@ -77,7 +77,7 @@ class Safety:
         return v * (room - self.least) / (self.most - self.least)
 
 
-class Motion(Protocol):
+class DriveMotion(Protocol):
     """Computes the speeds until its end."""
 
     safe: bool
@@ -98,10 +98,10 @@ class Drive:
         v, w: the fixed speeds, m/s and rad/s.
     """
 
-    def __init__(self, ended: Callable[[Motion, str], None]) -> None:
-        self.limits = Limits()
+    def __init__(self, ended: Callable[[DriveMotion, str], None]) -> None:
+        self.limits = DriveLimits()
         self.safety = Safety()
-        self.motion: Motion | None = None
+        self.motion: DriveMotion | None = None
         self.v = self.w = 0.0
         self._ended = ended
         self._stalled_at: float | None = None
@@ -111,7 +111,7 @@ class Drive:
         """Whether a fixed speed is not 0."""
         return self.v != 0 or self.w != 0
 
-    def start(self, motion: Motion) -> None:
+    def start(self, motion: DriveMotion) -> None:
         """Begin a motion; the current one is ended."""
         self.end("another motion began")
         self.v = self.w = 0.0

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from urbihw.navigation.drive import BRAKING_SHARE, LATENCY_S, Limits, State
+from urbihw.navigation.drive import BRAKING_SHARE, LATENCY_S, DriveLimits, State
 from urbihw.navigation.frames import Point, Pose, wrapped
 
 LOOKAHEAD: Final = 0.35
@@ -57,7 +57,7 @@ class PathFollower:
         self,
         path: list[Point],
         heading: float,
-        limits: Limits,
+        limits: DriveLimits,
         pose: Callable[[], Pose],
         room: Callable[[float], float],
         tolerance: Tolerance,

@@ -25,9 +25,9 @@ from urbihw.kernel.uobject import (
     variable,
 )
 from urbihw.navigation.background import Background
-from urbihw.navigation.base import Base
+from urbihw.navigation.base import DrivenBase
 from urbihw.navigation.drawing import draw_map
-from urbihw.navigation.drive import FINISHED, STALLED, Motion
+from urbihw.navigation.drive import FINISHED, STALLED, DriveMotion
 from urbihw.navigation.follow import PathFollower, Tolerance
 from urbihw.navigation.frames import Point, Pose, compose, path_length, wrapped
 from urbihw.navigation.goal import Goal
@@ -38,7 +38,7 @@ from urbihw.navigation.maps import BadMap, Bounds, Map
 from urbihw.navigation.obstacles import ObstacleLayer, closes_path, free_way
 from urbihw.navigation.options import SCAN
 from urbihw.navigation.planner import NoPath, Obstructed, check_goal, plan_around
-from urbihw.navigation.survey import Survey
+from urbihw.navigation.survey import MapSurvey
 
 FAILED, SUCCEEDED, CANCELED = 0.0, 1.0, 2.0
 """The payload of ``pathPlanningEvent``."""
@@ -93,7 +93,7 @@ class Navigator(UObject):
         "turnSpeed": ("yaw rate on paths", "rad/s"),
     }
 
-    def init(self, base: Base) -> None:
+    def init(self, base: DrivenBase) -> None:
         """``base`` is the base to drive."""
         self._base = base
         self._map: Map | None = None
@@ -107,7 +107,7 @@ class Navigator(UObject):
         self._work = Background(self.host.post, (BadMap, NoPath))
         searching, matching = Background(self.host.post, ()), Background(self.host.post, ())
         self._locator = Locator(base.odometry, searching, self._localized, self._lost_pose)
-        self._survey = Survey(base.odometry, matching, base.log)
+        self._survey = MapSurvey(base.odometry, matching, base.log)
         base.odometry.placed = self._locator.trust_pose
         if base.scanner is not None:
             base.scanner.scanned = self._scan_came
@@ -406,7 +406,7 @@ class Navigator(UObject):
         self.failure.sense(why)
         self._end_goal(FAILED)
 
-    def motion_ended(self, motion: Motion, how: str) -> None:
+    def motion_ended(self, motion: DriveMotion, how: str) -> None:
         """The base calls this at the end of each motion, which may be one of the navigator."""
         if motion is not self._follower or self._follower is None:
             return

@@ -9,14 +9,14 @@ from typing import ClassVar, Final
 from urbihw import buses
 from urbihw.buses.errors import BadUrl, Unavailable
 from urbihw.buses.link import Context
-from urbihw.settings import TEXT, Mistake, Table, choice, number, setting
+from urbihw.settings import TEXT, Mistake, SettingsTable, choice, number, setting
 
 ODOMETRY: Final = "odometry"
 SCAN: Final = "scan"
 
 
 @dataclass(frozen=True)
-class NavigationOptions(Table):
+class NavigationOptions(SettingsTable):
     """The options of a base that has a navigator.
 
     Attributes:

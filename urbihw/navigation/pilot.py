@@ -16,8 +16,8 @@ from typing import Final, Protocol
 
 from urbihw.kernel.uobject import Motion as MotionAuthority
 from urbihw.kernel.uobject import Origin
-from urbihw.navigation.base import Log, Scanner
-from urbihw.navigation.drive import STALL_TIMEOUT_S, Drive, Limits, Motion, State
+from urbihw.navigation.base import NavigationLog, Scanner
+from urbihw.navigation.drive import STALL_TIMEOUT_S, Drive, DriveLimits, DriveMotion, State
 from urbihw.navigation.frames import Point
 from urbihw.navigation.navigator import Navigator
 from urbihw.navigation.odometry import Odometry
@@ -49,7 +49,7 @@ class Wheels(Protocol):
         """Raises ValueError while the base cannot drive; the message tells what to do."""
         ...
 
-    def update_limits(self, limits: Limits) -> None:
+    def update_limits(self, limits: DriveLimits) -> None:
         """Write the current limits of the base into ``limits``; the planner sets ``cruise`` and ``cruise_turn``."""
         ...
 
@@ -71,7 +71,7 @@ class Pilot:
     scanner: Scanner | None = None
     planner: Navigator
 
-    def __init__(self, wheels: Wheels, odometry: Odometry, motion: MotionAuthority, log: Log) -> None:
+    def __init__(self, wheels: Wheels, odometry: Odometry, motion: MotionAuthority, log: NavigationLog) -> None:
         self.drive = Drive(self._motion_ended)
         self.odometry = odometry
         self.log = log
@@ -104,7 +104,7 @@ class Pilot:
         for device in self._wheels.devices:
             self._origin = self._motion.admit(device)
 
-    def begin_motion(self, motion: Motion) -> None:
+    def begin_motion(self, motion: DriveMotion) -> None:
         """Begin a motion of the job that called ``claim_motion`` last, within the current limits of the base."""
         self._wheels.update_limits(self.drive.limits)
         self.drive.start(motion)
@@ -186,7 +186,7 @@ class Pilot:
         self._ordered = (v, w)
         self._wheels.order_speeds(v, w, origin)
 
-    def _motion_ended(self, motion: Motion, how: str) -> None:
+    def _motion_ended(self, motion: DriveMotion, how: str) -> None:
         if self._ordered != (0.0, 0.0):
             self._order(0.0, 0.0, self._motion.own())
         self.planner.motion_ended(motion, how)

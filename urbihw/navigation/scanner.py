@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import ClassVar, Final
 
 from urbihw.kernel.uobject import UObject, event, finite_number, owned, reading, set_range
-from urbihw.navigation.base import Echo, Log
+from urbihw.navigation.base import Echo, NavigationLog
 
 FRESH_S: Final = 1.0
 """Seconds for which a scan is valid."""
@@ -61,7 +61,7 @@ class RangeScanner(UObject):
     lost = event()
     back = event()
 
-    log: Log
+    log: NavigationLog
     """The log of the robot, which sets it."""
 
     def init(self, place: float) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from urbihw.navigation.background import Background
-from urbihw.navigation.base import Echo, Log, PoseEstimate
+from urbihw.navigation.base import Echo, NavigationLog, PoseEstimate
 from urbihw.navigation.extra import how_to_install, load_mapping
 from urbihw.navigation.frames import Pose, compose, frame_of, wrapped
 
@@ -15,10 +15,10 @@ MOVED, TURNED = 0.1, math.radians(5)
 """m or rad after which the next scan is added to the map."""
 
 
-class Survey:
+class MapSurvey:
     """The building of a map."""
 
-    def __init__(self, odometry: PoseEstimate, background: Background, log: Log) -> None:
+    def __init__(self, odometry: PoseEstimate, background: Background, log: NavigationLog) -> None:
         self._odometry = odometry
         self._background = background
         self._log = log

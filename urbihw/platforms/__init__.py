@@ -20,12 +20,12 @@ from urbihw.buses.servos.tables import model_names
 from urbihw.buses.tcp import TcpLink
 from urbihw.buses.trace import MakeDecoder
 from urbihw.extras import install_command
-from urbihw.kernel.uobject import BadConfig, Robot
+from urbihw.kernel.uobject import BadConfig, PlatformRobot
 from urbihw.platforms import expected, limits
 from urbihw.platforms.expected import DeviceSettings
 from urbihw.platforms.limits import DeviceLimits
 from urbihw.platforms.manifest import FILE, BadManifest, Manifest, read
-from urbihw.settings import Mistake, Table, guess
+from urbihw.settings import Mistake, SettingsTable, guess
 
 __all__ = [
     "Adapter", "BadManifest", "DeviceLimits", "DeviceSettings", "Manifest", "adapters", "find", "folders", "load",
@@ -80,7 +80,7 @@ def adapters(manifest: Manifest) -> list[Adapter]:
     ]
 
 
-def load(manifest: Manifest) -> type[Robot]:
+def load(manifest: Manifest) -> type[PlatformRobot]:
     """Import a platform: the class of its robot.
 
     Raises BadConfig when a package is missing that it needs, BadManifest when the class is not there.
@@ -92,15 +92,15 @@ def load(manifest: Manifest) -> type[Robot]:
         how = install_command(*manifest.needs) if manifest.needs else f"pip install {error.name}"
         raise BadConfig(f"platform {manifest.name} needs the Python package {error.name}: {how}") from error
     found = getattr(module, class_name, None)
-    if not (isinstance(found, type) and issubclass(found, Robot)):
+    if not (isinstance(found, type) and issubclass(found, PlatformRobot)):
         raise BadManifest(f"{manifest.folder / FILE}: {module_name}.py has no class {class_name} that is a Robot")
     return found
 
 
-def load_options(manifest: Manifest) -> type[Table]:
+def load_options(manifest: Manifest) -> type[SettingsTable]:
     """Import the table of a platform's options, without its robot.  Raises BadManifest when it is not there."""
     if not manifest.options:
-        return Table
+        return SettingsTable
     module_name, _, class_name = manifest.options.partition(":")
     if "." not in module_name:
         module_name = f"urbihw.platforms.{manifest.name}.{module_name}"
@@ -108,7 +108,7 @@ def load_options(manifest: Manifest) -> type[Table]:
         found = getattr(importlib.import_module(module_name), class_name, None)
     except ImportError as error:
         raise BadManifest(f"{manifest.folder / FILE}: options: {error}") from error
-    if not (isinstance(found, type) and issubclass(found, Table)):
+    if not (isinstance(found, type) and issubclass(found, SettingsTable)):
         raise BadManifest(f"{manifest.folder / FILE}: options: {module_name} has no class {class_name} that is a Table")
     return found
 

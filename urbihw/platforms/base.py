@@ -293,11 +293,11 @@ class WiredRobot(GuardedRobot):
                     self.answer_open(None)
             case m.Reply():
                 self.channel.handle_reply(message)
-            case m.Happened():
+            case m.DeviceReport():
                 self.on_happened(message)
             case m.Found():
                 self._handle_found(message)
-            case m.Gone():
+            case m.GuestsGone():
                 self.device_memory.drop(message.devices)
                 self.on_gone(message)
             case m.Differences():

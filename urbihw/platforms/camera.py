@@ -12,10 +12,10 @@ from urbihw.platforms import jpeg
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.film import Film, check_url
 from urbihw.platforms.streamed import Streamed
-from urbihw.settings import TEXT, Mistake, Table, setting
+from urbihw.settings import TEXT, Mistake, SettingsTable, setting
 
 
-class Log(Protocol):
+class CameraLog(Protocol):
     """Receives warnings: the log of the robot."""
 
     def warning(self, text: str, *values: Any) -> None:
@@ -24,7 +24,7 @@ class Log(Protocol):
 
 
 @dataclass(frozen=True)
-class CameraOptions(Table):
+class CameraOptions(SettingsTable):
     """The option of a robot that may carry such a camera.
 
     Attributes:
@@ -51,7 +51,7 @@ class PictureCamera(Streamed):
     format = reading("jpeg")
     frames = reading(0.0)
 
-    def init(self, channel: DeviceChannel, url: str, log: Log) -> None:
+    def init(self, channel: DeviceChannel, url: str, log: CameraLog) -> None:
         """``url`` is that of the option ``camera_url``; "" for a camera without pictures."""
         self._log = log
         self._film = Film(url, self.host.post, self._show_picture, self._tell) if url else None

@@ -14,7 +14,7 @@ from urbihw.buses.messages import Limit, Limited
 Key = tuple[Any, str]
 
 
-class TargetConverter(Protocol):
+class ClippingConverter(Protocol):
     """Converts raw targets for the comparison with limits."""
 
     def signed_target(self, device: Any, item: str, raw: Any) -> float:
@@ -29,7 +29,7 @@ class TargetConverter(Protocol):
 class TargetLimits:
     """The limits of all targets of a robot; ``report`` gets the message that the worker will send for a target."""
 
-    def __init__(self, converter: TargetConverter, report: Callable[[Limited], None]) -> None:
+    def __init__(self, converter: ClippingConverter, report: Callable[[Limited], None]) -> None:
         self._converter, self._report = converter, report
         self._table: Mapping[Key, Limit] = {}
         self._newest: dict[Key, Any] = {}

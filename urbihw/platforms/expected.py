@@ -29,7 +29,20 @@ from urbihw.buses.messages import ExpectedDevice
 from urbihw.kernel.syntax.tokens import is_identifier
 from urbihw.kernel.uobject import BadConfig
 from urbihw.platforms.taken import TAKEN
-from urbihw.settings import TEXT, TEXTS, Mistake, Rule, Table, checked, choice, guess, number, rising, setting, whole
+from urbihw.settings import (
+    TEXT,
+    TEXTS,
+    Mistake,
+    SettingRule,
+    SettingsTable,
+    checked,
+    choice,
+    guess,
+    number,
+    rising,
+    setting,
+    whole,
+)
 
 MAX_ID: Final = 253
 """The last id of any servo protocol."""
@@ -41,7 +54,7 @@ _NUMBERED: Final = re.compile(r"(?:motor|sensor|device)([0-9]+)")
 
 
 @dataclass(frozen=True)
-class DeviceSettings(Table):
+class DeviceSettings(SettingsTable):
     """A row of ``[devices]``.
 
     Attributes:
@@ -56,7 +69,7 @@ class DeviceSettings(Table):
 
     id: int = setting(0, whole(0, MAX_ID))
     model: str = setting("", TEXT)
-    firmware: str = setting("", Rule((str, int), 'a version, such as 24 or "3.10"', str))
+    firmware: str = setting("", SettingRule((str, int), 'a version, such as 24 or "3.10"', str))
     offset: float = setting(0.0, number(-MAX_ANGLE, MAX_ANGLE, " rad"))
     direction: int = setting(1, choice(1, -1))
     limits: tuple[float, float] = setting((-math.inf, math.inf), rising(2, "[-1.0, 1.0]"))

@@ -59,7 +59,7 @@ class RobotHooks(IdentifiedRobot):
         """Handle the devices found after the link came up: the first time and after each loss."""
         raise NotImplementedError
 
-    def on_gone(self, message: m.Gone) -> None:
+    def on_gone(self, message: m.GuestsGone) -> None:
         """Handle devices that were found on another robot, which is gone."""
 
     def on_samples(self, message: m.Samples) -> None:
@@ -70,7 +70,7 @@ class RobotHooks(IdentifiedRobot):
         """Return whether all devices have been read once, so that clients may be accepted."""
         raise NotImplementedError
 
-    def on_happened(self, message: m.Happened) -> None:
+    def on_happened(self, message: m.DeviceReport) -> None:
         """Handle an event that a device reported."""
 
     def on_device_state(self, message: m.DeviceState) -> None:

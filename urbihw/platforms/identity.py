@@ -13,7 +13,7 @@ import threading
 from typing import ClassVar, Final
 from urllib.parse import urlsplit
 
-from urbihw.kernel.uobject import NIL, Robot, reading
+from urbihw.kernel.uobject import NIL, PlatformRobot, reading
 
 NETWORK_SCHEMES: Final = frozenset({"socket", "spykee", "qi", "qis", "libqi", "libqis"})
 """Schemes of bus urls whose host is the robot, or what connects it to the network."""
@@ -22,7 +22,7 @@ _ELSEWHERE: Final = ("192.0.2.1", 9)
 """An address that nobody has (RFC 5737): only the route to it is looked up."""
 
 
-class IdentifiedRobot(Robot):
+class IdentifiedRobot(PlatformRobot):
     """A robot with the slots of Identity and Network.
 
     A subclass sets ``robot_name`` and ``model_name``, and calls ``identify`` when the robot has told more.

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Self
 
 from urbihw.kernel.uobject import BadConfig
-from urbihw.settings import Mistake, Table, checked, guess, positive, rising, setting
+from urbihw.settings import Mistake, SettingsTable, checked, guess, positive, rising, setting
 
 Devices = Mapping[str, Collection[str]]
 """The devices of a platform -> their kinds of limits; ``#`` in a name stands for a number, and the name
@@ -38,7 +38,7 @@ TEMPERATURES: Final = (-40.0, 200.0)
 
 
 @dataclass(frozen=True)
-class DeviceLimits(Table):
+class DeviceLimits(SettingsTable):
     """The limits of one device; inf for no limit.
 
     Attributes:

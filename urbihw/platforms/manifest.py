@@ -57,7 +57,7 @@ class Manifest:
         folder: of the platform.
         name: of the platform, and of its folder.
         title: one line for people.
-        robot: "module:Class" inside the folder; the class derives from ``urbihw.kernel.uobject.Robot``.
+        robot: "module:Class" inside the folder; the class derives from ``urbihw.kernel.uobject.PlatformRobot``.
         slot: the slot of Global that holds the robot.
         library: urbiscript files of the folder, loaded in this order before the robot is opened.
         buses: its families of wire protocols.
@@ -65,8 +65,8 @@ class Manifest:
         usb: its adapters, for the detection of the platform.
         fake: arguments of ``python -m urbihw_fakes`` for the same robot, simulated; () for none.
         needs: extras of the package that must be installed.
-        options: "module:Class" of the table of its ``[options]``, a ``urbihw.settings.Table``; a module of the folder,
-            or one of ``urbihw.buses`` by its full name; "" for no options.
+        options: "module:Class" of the table of its ``[options]``, a ``urbihw.settings.SettingsTable``; a module of
+            the folder, or one of ``urbihw.buses`` by its full name; "" for no options.
         scan: "module:function" of the folder, which searches the network for robots and yields a line for each;
             "" for no search.
         trace: "module:function" of the folder, or of ``urbihw.buses`` by its full name, which makes the decoder of its

@@ -6,7 +6,7 @@ from urbihw.kernel.uobject import UObject, reading
 from urbihw.platforms.words import COMMON
 
 
-class Measured(UObject):
+class MeasuredDevice(UObject):
     """A device that shows measurements: ``stale`` is true before the first one and while the link is down."""
 
     slot_words = {"stale": COMMON["stale"]}

@@ -20,7 +20,7 @@ _MIDDLE: Final = bytes(value ^ 0x80 for value in range(256))
 """Unsigned samples of 8 bits -> signed ones, and back."""
 
 
-class Recording:
+class SoundRecording:
     """A sound, to be taken piece by piece, ``play_rate`` samples a second.
 
     Raises ValueError for what is no sound, in words for the user.

@@ -10,7 +10,7 @@ from urbihw.buses.messages import Reply
 from urbihw.kernel.uobject import UObject, USound, function, owned, reading
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.devicelog import DeviceLog
-from urbihw.platforms.sound import Recording
+from urbihw.platforms.sound import SoundRecording
 
 AHEAD: Final = 8
 """Pieces of sound that the worker has at most, in which this process may be held up."""
@@ -18,7 +18,7 @@ LONGEST_QUEUE_S: Final = 600.0
 """Seconds of sound that may wait for the loudspeaker."""
 
 
-class Speaker(UObject):
+class PlatformSpeaker(UObject):
     """The loudspeaker: plays the sound that is assigned to ``val`` (raw or WAVE), behind what it plays already.
 
     ``remain`` (ms) is how much is left to play, ``playing`` whether there is any.  The worker of the robot has the
@@ -37,7 +37,7 @@ class Speaker(UObject):
         """Speak to the worker through ``channel``."""
         self.channel, self.log = channel, log
         self._pieces: Iterator[bytes] = iter(())
-        self._waiting: deque[Recording] = deque()
+        self._waiting: deque[SoundRecording] = deque()
         self._ahead = 0
         self._ends = 0.0
         self._epoch = 0
@@ -48,7 +48,7 @@ class Speaker(UObject):
         sound = self.val.value
         if not isinstance(sound, USound):
             raise ValueError("this slot takes a sound: a Binary with the keywords raw or wav")
-        recording = Recording(sound, self.play_rate)
+        recording = SoundRecording(sound, self.play_rate)
         now = self.host.now()
         if self._ends - now > LONGEST_QUEUE_S:
             raise ValueError(f"the loudspeaker has more than {LONGEST_QUEUE_S:g} s to play")

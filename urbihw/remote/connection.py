@@ -101,7 +101,7 @@ class ServerConnection(asyncio.Protocol):
             self.transport.abort()
 
 
-class Session:
+class RemoteSession:
     """Keeps a connection to one server.  ``current`` is the present connection, None if there is none."""
 
     def __init__(self, bridge: Bridge, drive: Callable[[], None], where: Where, who: Credentials) -> None:

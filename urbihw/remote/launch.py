@@ -16,7 +16,7 @@ from urbihw.exitcodes import EX_NOINPUT, EX_OK, NO_SERVER
 from urbihw.kernel.process import KernelProcess
 from urbihw.kernel.uobject import BadConfig
 from urbihw.kernel.uremote.bridge import Bridge
-from urbihw.remote.connection import FIRST_PAUSE_S, MAX_PAUSE_S, ServerConnection, Session
+from urbihw.remote.connection import FIRST_PAUSE_S, MAX_PAUSE_S, RemoteSession, ServerConnection
 
 log = logging.getLogger("urbihw.remote")
 
@@ -59,7 +59,7 @@ async def _run(
         kernel = process.boot(arguments=arguments)
         process.load_modules(modules)
         bridge = Bridge(kernel.host, token(), lambda parts: session.write(parts))
-        session = Session(bridge, process.drive, where, who)
+        session = RemoteSession(bridge, process.drive, where, who)
         code = await process.run_until_stopped(_serve(session, bridge, str(where), stay_alive, retry_first))
         return EX_OK if code is None else code
     except BadConfig as error:
@@ -73,7 +73,7 @@ async def _run(
         process.restore_signals()
 
 
-async def _serve(session: Session, bridge: Bridge, where: str, stay_alive: bool, retry_first: bool) -> int:
+async def _serve(session: RemoteSession, bridge: Bridge, where: str, stay_alive: bool, retry_first: bool) -> int:
     pauses, joined_before = BackOff(FIRST_PAUSE_S, MAX_PAUSE_S), False
 
     def joined() -> bool:

@@ -15,9 +15,9 @@ from urbihw.repeats import LimitedLog
 from urbihw.web.connections import Handler
 from urbihw.web.pages import Pages
 from urbihw.web.pairing import Browser, Pairings
-from urbihw.web.robot import Robot
-from urbihw.web.session import Refusal, Session
-from urbihw.web.settings import Settings
+from urbihw.web.robot import WatchedRobot
+from urbihw.web.session import WebRefusal, WebSession
+from urbihw.web.settings import WebSettings
 from urbihw.web.verbs import VERBS
 
 log = logging.getLogger("urbihw.web")
@@ -46,15 +46,15 @@ class Gateway:
         port: the port on which browsers are served; it belongs to the cookies.
     """
 
-    def __init__(self, settings: Settings, port: int) -> None:
+    def __init__(self, settings: WebSettings, port: int) -> None:
         self.settings = settings
         self.port = port
         self.version = _version()
         self.limited_log = LimitedLog(log)
         self.pairings = Pairings(settings.folder)
-        self.robot = Robot(settings)
-        self.sessions: list[Session] = []
-        self.driver: Session | None = None
+        self.robot = WatchedRobot(settings)
+        self.sessions: list[WebSession] = []
+        self.driver: WebSession | None = None
         self.robot.on_state = self.tell_state
         self.robot.on_devices = self._tell_devices
         self.robot.on_tree = self._tell_tree
@@ -96,7 +96,7 @@ class Gateway:
         await socket.prepare(request)
         connection.note_socket()
         _bound_buffer(request)
-        session = Session(self, browser, socket)
+        session = WebSession(self, browser, socket)
         self.sessions.append(session)
         self.limited_log.say(
             browser.digest, "browser of %s (%s) from %s", session.name, session.role, request.remote,
@@ -112,37 +112,37 @@ class Gateway:
                 self.tell_state()
         return socket
 
-    def _greet(self, session: Session) -> None:
+    def _greet(self, session: WebSession) -> None:
         session.say_hello()
         session.outbox.put(self.state(session))
         session.outbox.put(self._devices())
         if self.robot.tree.told is not None:
             session.outbox.put({"event": "tree", "tree": self.robot.tree.told})
 
-    async def serve(self, session: Session, request: Mapping[str, Any]) -> dict[str, Any] | None:
-        """The answer to a request.  Raises Refusal or LobbyError."""
+    async def serve(self, session: WebSession, request: Mapping[str, Any]) -> dict[str, Any] | None:
+        """The answer to a request.  Raises WebRefusal or LobbyError."""
         verb = VERBS.get(str(request.get("do")))
         if verb is None:
-            raise Refusal(f"there is no {str(request.get('do'))[:40]!r}; there are: {', '.join(VERBS)}")
+            raise WebRefusal(f"there is no {str(request.get('do'))[:40]!r}; there are: {', '.join(VERBS)}")
         if session.role not in verb.roles:
-            raise Refusal(f"role {session.role} may not {request['do']}", "role")
+            raise WebRefusal(f"role {session.role} may not {request['do']}", "role")
         if verb.waits:
             await session.wait_connected()
         return await verb.run(session, request)
 
     # ---------------------------------------------------------------- who drives
 
-    def take_lease(self, session: Session, *, over: bool = False) -> None:
-        """Let a browser drive.  Raises Refusal when another one does, unless it takes ``over``."""
+    def take_lease(self, session: WebSession, *, over: bool = False) -> None:
+        """Let a browser drive.  Raises WebRefusal when another one does, unless it takes ``over``."""
         if self.driver is not None and self.driver is not session:
             if not over:
-                raise Refusal(f"{self.driver.name} drives: take the robot over first", "lease")
+                raise WebRefusal(f"{self.driver.name} drives: take the robot over first", "lease")
             self.driver.stop_driving()
         if self.driver is not session:
             self.driver = session
             self.tell_state()
 
-    def release_lease(self, session: Session) -> None:
+    def release_lease(self, session: WebSession) -> None:
         """End the lease of a browser, if it has it."""
         if self.driver is session:
             session.stop_driving()
@@ -158,7 +158,7 @@ class Gateway:
 
     # ---------------------------------------------------------------- events for all
 
-    def state(self, session: Session) -> dict[str, Any]:
+    def state(self, session: WebSession) -> dict[str, Any]:
         """The event ``state``, as a browser gets it: two of its pages have the same name, and one of them drives."""
         driver = self.driver.name if self.driver is not None else ""
         return {"event": "state", **self.robot.state(), "driver": driver, "drives": self.driver is session}

@@ -34,7 +34,7 @@ MAX_PATH: Final = 200
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
-class Guard:
+class RequestGuard:
     """The middleware of the gateway: it refuses foreign hosts, foreign origins and what is no reading."""
 
     def __init__(self) -> None:
@@ -85,7 +85,7 @@ def is_same_origin(request: web.Request) -> bool:
     return site in ("same-origin", "none") or request.headers.get("Sec-Fetch-Mode") == "navigate"
 
 
-def make_middleware(guard: Guard) -> Any:
+def make_middleware(guard: RequestGuard) -> Any:
     """The guard as aiohttp wants it: it passes the second parameter by its name."""
 
     @web.middleware

@@ -9,7 +9,7 @@ from urbihw.client.literals import checked_name, literal, string_literal
 from urbihw.client.subject import subject
 from urbihw.web.asked import number_of, text_of
 from urbihw.web.lobby import LobbyError
-from urbihw.web.session import PANEL, Refusal, Session
+from urbihw.web.session import PANEL, WebRefusal, WebSession
 
 MAX_TEXT: Final = 60_000
 ACTIONS: Final = ("stop", "freeze", "unfreeze")
@@ -18,11 +18,11 @@ MAX_TAG: Final = 60
 Request = Mapping[str, Any]
 
 
-async def run(session: Session, request: Request) -> dict[str, Any]:
+async def run(session: WebSession, request: Request) -> dict[str, Any]:
     """Run text in the console of the browser; its output is told by events."""
     text = text_of(request, "text")
     if len(text) > MAX_TEXT:
-        raise Refusal(f"a text has {MAX_TEXT} characters at most", "limit")
+        raise WebRefusal(f"a text has {MAX_TEXT} characters at most", "limit")
     tag = text_of(request, "tag", "")
     if tag:
         name = _tag_name(tag)
@@ -32,7 +32,7 @@ async def run(session: Session, request: Request) -> dict[str, Any]:
     return {}
 
 
-async def complete(session: Session, request: Request) -> dict[str, Any]:
+async def complete(session: WebSession, request: Request) -> dict[str, Any]:
     """The names that may follow the beginning of a path in a text: of slots that exist now."""
     text = text_of(request, "text")[:MAX_TEXT]
     text = text[: int(number_of(request, "at", 0, MAX_TEXT, len(text)))]
@@ -47,7 +47,7 @@ async def complete(session: Session, request: Request) -> dict[str, Any]:
     return {"words": words[:MAX_WORDS]}
 
 
-async def jobs(session: Session, request: Request) -> dict[str, Any]:
+async def jobs(session: WebSession, request: Request) -> dict[str, Any]:
     """The jobs of all connections but for those by which gateways look, and the tags that can be stopped."""
     told = await session.link.json("System.jobsText")
     if not isinstance(told, dict):
@@ -62,12 +62,12 @@ def _looks(job: Mapping[str, Any]) -> bool:
     return of_panel and (job.get("state") == "starting" or str(job.get("name")).startswith("subscription __web_"))
 
 
-async def tag(session: Session, request: Request) -> dict[str, Any]:
+async def tag(session: WebSession, request: Request) -> dict[str, Any]:
     """Stop, freeze or unfreeze a tag: one of any connection by its ``id`` in ``jobs`` (field ``uid``), or one of the
     console by name."""
     name, action = text_of(request, "tag", ""), text_of(request, "action")
     if action not in ACTIONS:
-        raise Refusal(f"action wants one of {', '.join(ACTIONS)}")
+        raise WebRefusal(f"action wants one of {', '.join(ACTIONS)}")
     if "uid" in request:
         await session.link.ask(f'System.controlTag({string_literal(text_of(request, "uid"))}, "{action}") | 1')
     else:
@@ -76,10 +76,10 @@ async def tag(session: Session, request: Request) -> dict[str, Any]:
     return {}
 
 
-async def fake(session: Session, request: Request) -> dict[str, Any]:
+async def fake(session: WebSession, request: Request) -> dict[str, Any]:
     """The faults of a simulated robot: the list, or one of them."""
     if not session.gateway.robot.about["fake"]:
-        raise Refusal("this robot is not simulated")
+        raise WebRefusal("this robot is not simulated")
     if "tell" in request:
         return {"answer": await session.link.value(f"fake.tell({string_literal(text_of(request, 'tell'))})")}
     return {"commands": await session.link.value("fake.commands")}
@@ -87,8 +87,8 @@ async def fake(session: Session, request: Request) -> dict[str, Any]:
 
 def _tag_name(text: str) -> str:
     if len(text) > MAX_TAG:
-        raise Refusal(f"the name of a tag has {MAX_TAG} characters at most")
+        raise WebRefusal(f"the name of a tag has {MAX_TAG} characters at most")
     try:
         return checked_name(text)
     except ValueError as error:
-        raise Refusal(str(error)) from error
+        raise WebRefusal(str(error)) from error

@@ -16,7 +16,7 @@ from urbihw.client.dial import dial
 from urbihw.client.lines import BadLine, Line, Lines, guarded
 from urbihw.client.literals import string_literal
 from urbihw.client.login import explain_close
-from urbihw.client.values import BadValue, value_of
+from urbihw.client.values import NotAValue, value_of
 from urbihw.client.where import Where
 
 CONNECT_TIMEOUT_S: Final = 5.0
@@ -208,7 +208,7 @@ def plain_value(line: Line) -> Any:
     """The value in a line as a value of JSON: the printed name of an object, keywords and size of a Binary."""
     try:
         return utf8(value_of(line, binary=lambda found: {"keywords": found.keywords, "bytes": len(found.data)}))
-    except BadValue:
+    except NotAValue:
         return line.shown
 
 

@@ -14,7 +14,7 @@ from urbihw.client.lines import Line
 from urbihw.client.literals import literal, written_path
 from urbihw.web.asked import number_of, path_of, text_of, truth_of
 from urbihw.web.lobby import LobbyError, plain_value
-from urbihw.web.session import Refusal, Session
+from urbihw.web.session import WebRefusal, WebSession
 from urbihw.web.tree import FREE_CALLS, PACED_CALLS
 
 DEAD_MAN_S: Final = 0.3
@@ -30,17 +30,17 @@ _SOUND: Final = re.compile(r"raw [12] [0-9]{4,6} (8|16) [12]", re.ASCII)
 Request = Mapping[str, Any]
 
 
-async def get(session: Session, request: Request) -> dict[str, Any]:
+async def get(session: WebSession, request: Request) -> dict[str, Any]:
     """The value of a slot."""
     slot = path_of(request, "slot")
     return {"value": await session.link.read(slot)}
 
 
-async def set_slot(session: Session, request: Request) -> dict[str, Any]:
+async def set_slot(session: WebSession, request: Request) -> dict[str, Any]:
     """Write a slot; with ``speed`` or ``time`` as a movement."""
     slot = path_of(request, "slot")
     if "value" not in request:
-        raise Refusal("value is missing")
+        raise WebRefusal("value is missing")
     value, extra = request["value"], ""
     for name in ("speed", "time"):
         if request.get(name) is not None:
@@ -48,13 +48,13 @@ async def set_slot(session: Session, request: Request) -> dict[str, Any]:
     tree = session.gateway.robot.tree
     if session.role != "full":
         if not tree.may_write(slot):
-            raise Refusal(f"{slot} is no effector of the robot", "role")
+            raise WebRefusal(f"{slot} is no effector of the robot", "role")
         value, extra = _limited(session, slot, value, extra, request)
     session.gateway.take_lease(session)
     try:
         text = literal(value)
     except (ValueError, TypeError, OverflowError) as error:
-        raise Refusal(str(error)) from error
+        raise WebRefusal(str(error)) from error
     if not extra:
         await session.link.ask(f"__web.end(\"{_plain(slot)}\") | {written_path(slot)} = {text} | 1")
     else:
@@ -63,7 +63,7 @@ async def set_slot(session: Session, request: Request) -> dict[str, Any]:
     return {}
 
 
-def _limited(session: Session, slot: str, value: Any, extra: str, request: Request) -> tuple[Any, str]:
+def _limited(session: WebSession, slot: str, value: Any, extra: str, request: Request) -> tuple[Any, str]:
     """A write of role drive: a goal is reached no faster than the limit, a speed is no higher."""
     about = session.gateway.robot.tree.slots.get(slot, {})
     unit, limits = str(about.get("unit") or ""), session.gateway.settings.limits
@@ -72,7 +72,7 @@ def _limited(session: Session, slot: str, value: Any, extra: str, request: Reque
         return value, extra
     # Anything else than a number, such as true for 1 or a list of speeds, would pass by the limits.
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= MAX_NUMBER:
-        raise Refusal(f"role {session.role} writes numbers to {slot}", "role")
+        raise WebRefusal(f"role {session.role} writes numbers to {slot}", "role")
     if unit in _PER_RAD or unit == "m":
         most = limits.x if unit == "m" else limits.speed * _PER_RAD[unit]
         asked = request.get("speed")
@@ -90,7 +90,7 @@ def _limited(session: Session, slot: str, value: Any, extra: str, request: Reque
     else:  # a torque, a current, a share of the power
         bound = 0.0
     if not bound:
-        raise Refusal(f"role {session.role} does not write {slot}: its speed would have no limit", "role")
+        raise WebRefusal(f"role {session.role} does not write {slot}: its speed would have no limit", "role")
     return max(-bound, min(bound, value)), extra
 
 
@@ -99,17 +99,17 @@ def _is_speed(slot: str, about: Mapping[str, Any]) -> bool:
     return "speed" in slot.rpartition(".")[2].lower() or about.get("unit") == "%"
 
 
-async def play_sound(session: Session, request: Request) -> dict[str, Any]:
+async def play_sound(session: WebSession, request: Request) -> dict[str, Any]:
     """A piece of sound for a loudspeaker, which plays it behind what it has: samples as base64."""
     slot, keywords = path_of(request, "slot"), text_of(request, "keywords")
     if not _SOUND.fullmatch(keywords):
-        raise Refusal('keywords wants raw, channels, samples a second, bits, and 1 for signed: "raw 1 16000 16 1"')
+        raise WebRefusal('keywords wants raw, channels, samples a second, bits, and 1 for signed: "raw 1 16000 16 1"')
     try:
         samples = base64.b64decode(text_of(request, "data"), validate=True)
     except ValueError as error:
-        raise Refusal("data wants samples as base64") from error
+        raise WebRefusal("data wants samples as base64") from error
     if session.role != "full" and not session.gateway.robot.tree.may_write(slot):
-        raise Refusal(f"{slot} is no effector of the robot", "role")
+        raise WebRefusal(f"{slot} is no effector of the robot", "role")
     session.gateway.take_lease(session)
     # The link encodes text as UTF-8, bytes that are none as they are.
     content = samples.decode("utf-8", "surrogateescape")
@@ -117,39 +117,39 @@ async def play_sound(session: Session, request: Request) -> dict[str, Any]:
     return {}
 
 
-async def call(session: Session, request: Request) -> dict[str, Any]:
+async def call(session: WebSession, request: Request) -> dict[str, Any]:
     """Call a function.  One that takes long is answered at once; how it ends is told as output."""
     slot = path_of(request, "slot")
     arguments = request.get("args", [])
     if not isinstance(arguments, list) or len(arguments) > MAX_ARGUMENTS:
-        raise Refusal(f"args wants a list of at most {MAX_ARGUMENTS} values")
+        raise WebRefusal(f"args wants a list of at most {MAX_ARGUMENTS} values")
     if session.role != "full":
         if not session.gateway.robot.tree.may_call(slot):
-            raise Refusal(f"role {session.role} may not call {slot}", "role")
+            raise WebRefusal(f"role {session.role} may not call {slot}", "role")
         arguments = _paced(session, slot, arguments)
     if slot.rpartition(".")[2] not in FREE_CALLS:
         session.gateway.take_lease(session)
     try:
         text = ", ".join(map(literal, arguments))
     except (ValueError, TypeError, OverflowError) as error:
-        raise Refusal(str(error)) from error
+        raise WebRefusal(str(error)) from error
     # A function without a value is no error.
     body = f"var __value = {written_path(slot)}({text}).acceptVoid | if (__value.isVoid) nil else __value"
     line = await _taken(session, session.link.begin(body))
     return {"running": True} if line is None else {"value": plain_value(line)}
 
 
-def _paced(session: Session, slot: str, arguments: list[Any]) -> list[Any]:
+def _paced(session: WebSession, slot: str, arguments: list[Any]) -> list[Any]:
     """The arguments of a call of role drive: a motion is played no faster than it was recorded."""
     if slot.rpartition(".")[2] not in PACED_CALLS or len(arguments) < 2:
         return arguments
     speed = arguments[1]
     if isinstance(speed, bool) or not isinstance(speed, int | float) or not 0 < speed <= MAX_NUMBER:
-        raise Refusal(f"role {session.role} plays with a number above 0 as speed", "role")
+        raise WebRefusal(f"role {session.role} plays with a number above 0 as speed", "role")
     return [arguments[0], min(1.0, speed), *arguments[2:]]
 
 
-async def go(session: Session, request: Request) -> dict[str, Any]:
+async def go(session: WebSession, request: Request) -> dict[str, Any]:
     """Drive to a place, along a path where there is a map, else straight; without ``theta`` in any direction."""
     x, y = number_of(request, "x", -1e4, 1e4), number_of(request, "y", -1e4, 1e4)
     theta = number_of(request, "theta", -100, 100) if request.get("theta") is not None else None
@@ -164,7 +164,7 @@ async def go(session: Session, request: Request) -> dict[str, Any]:
     return {}
 
 
-async def drive(session: Session, request: Request) -> dict[str, Any]:
+async def drive(session: WebSession, request: Request) -> dict[str, Any]:
     """Drive a base while orders come: without one for ``DEAD_MAN_S`` it stands."""
     x, yaw = number_of(request, "x", -MAX_SPEED, MAX_SPEED), number_of(request, "yaw", -MAX_SPEED, MAX_SPEED)
     if session.role != "full":
@@ -189,7 +189,7 @@ async def drive(session: Session, request: Request) -> dict[str, Any]:
     return {"deferred": driven.deferred, "late": driven.late, "x": driven.x, "yaw": driven.yaw}
 
 
-async def lease(session: Session, request: Request) -> dict[str, Any]:
+async def lease(session: WebSession, request: Request) -> dict[str, Any]:
     """Take the robot over from another browser, or leave it."""
     if truth_of(request, "take"):
         session.gateway.take_lease(session, over=True)
@@ -198,7 +198,7 @@ async def lease(session: Session, request: Request) -> dict[str, Any]:
     return {}
 
 
-async def _taken(session: Session, running: asyncio.Future[Line]) -> Line | None:
+async def _taken(session: WebSession, running: asyncio.Future[Line]) -> Line | None:
     """The answer of what ends at once; None for what goes on: its error is told as output.  Raises LobbyError."""
     done, _ = await asyncio.wait((running,), timeout=TAKEN_S)
     if done:

@@ -35,7 +35,7 @@ class Socket(Protocol):
         """Send bytes."""
 
 
-class Outbox:
+class WebOutbox:
     """The messages for one browser.  ``run`` sends them."""
 
     def __init__(self, flow: Callable[[bool], None] = lambda full: None) -> None:

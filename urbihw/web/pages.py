@@ -12,8 +12,8 @@ from aiohttp import web
 
 from urbihw.web.attempts import Attempts
 from urbihw.web.connections import Handler
-from urbihw.web.guards import Guard, add_headers, make_middleware
 from urbihw.web.guards import Handler as Answer
+from urbihw.web.guards import RequestGuard, add_headers, make_middleware
 from urbihw.web.pairing import COOKIE_DAYS, Browser
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class Pages:
         self._gateway = gateway
         self._cookie = f"urbihw_{gateway.port}"
         self._attempts = Attempts()
-        self.app = web.Application(middlewares=[_note_request, make_middleware(Guard())], client_max_size=1024)
+        self.app = web.Application(middlewares=[_note_request, make_middleware(RequestGuard())], client_max_size=1024)
         self.app.on_response_prepare.append(add_headers)
         self.app.add_routes([
             web.get("/", self._index),

@@ -17,10 +17,10 @@ from typing import Any, Final
 from urbihw.backoff import BackOff
 from urbihw.buses.verdict import judge, level_of
 from urbihw.client.lines import Line
-from urbihw.daemon.control_client import NoWorker, Worker
+from urbihw.daemon.control_client import ControlledWorker, NoWorker
 from urbihw.web import remote
 from urbihw.web.lobby import LobbyError, LobbyLink
-from urbihw.web.settings import Settings
+from urbihw.web.settings import WebSettings
 from urbihw.web.tree import EMPTY, Tree
 from urbihw.web.worker import worker_state
 
@@ -41,7 +41,7 @@ _NO_WORKER: Final = {
 _PROGRAM: Final = '{ if (Global.hasLocalSlot("robot")) %s else "null" }'
 
 
-class Robot:
+class WatchedRobot:
     """Watches one robot.  ``run`` runs until it is cancelled.
 
     Attributes:
@@ -51,8 +51,8 @@ class Robot:
         devices: the devices as the worker tells them.
     """
 
-    def __init__(self, settings: Settings) -> None:
-        self.worker = Worker(settings.control)
+    def __init__(self, settings: WebSettings) -> None:
+        self.worker = ControlledWorker(settings.control)
         self.tree: Tree = EMPTY
         self.about: dict[str, Any] = {"robot": "", "platform": settings.platform, "fake": settings.fake}
         self.devices: list[Any] = []

@@ -17,7 +17,7 @@ from urbihw.client.where import is_loopback
 from urbihw.daemon.state import write_secret
 from urbihw.web.connections import accepting
 from urbihw.web.gateway import Gateway
-from urbihw.web.settings import Settings
+from urbihw.web.settings import WebSettings
 
 log = logging.getLogger("urbihw.web")
 
@@ -34,7 +34,7 @@ def listen(host: str, port: int) -> socket.socket:
     return socket.create_server(found[0][4][:2], family=family, backlog=64)
 
 
-def address_of(settings: Settings, port: int) -> str:
+def address_of(settings: WebSettings, port: int) -> str:
     """The address that users type, such as ``http://127.0.0.1:54080``."""
     host = settings.host
     if host in ("0.0.0.0", "::", ""):
@@ -44,7 +44,11 @@ def address_of(settings: Settings, port: int) -> str:
 
 
 async def serve(
-    settings: Settings, listener: socket.socket, ready: Callable[[str, Gateway], None], *, ends_with_input: bool = False
+    settings: WebSettings,
+    listener: socket.socket,
+    ready: Callable[[str, Gateway], None],
+    *,
+    ends_with_input: bool = False,
 ) -> None:
     """Serve until SIGTERM or SIGINT, or the end of standard input, a pipe of the daemon that must not be outlived.
 

@@ -27,7 +27,7 @@ from urbihw.client.lines import Line
 from urbihw.client.literals import string_literal
 from urbihw.client.values import value_of
 from urbihw.web.lobby import LobbyError, LobbyLink, utf8
-from urbihw.web.outbox import KEPT, Outbox
+from urbihw.web.outbox import KEPT, WebOutbox
 from urbihw.web.pairing import Browser
 from urbihw.web.pictures import frame_of
 from urbihw.web.travel import Travel
@@ -64,7 +64,7 @@ _PROGRAM: Final = (
 )
 
 
-class Refusal(Exception):
+class WebRefusal(Exception):
     """A request is refused; ``code`` is one of those of the protocol."""
 
     def __init__(self, text: str, code: str = "bad") -> None:
@@ -98,7 +98,7 @@ class Sub:
         return f"__web_{self.number}"
 
 
-class Session:
+class WebSession:
     """One browser.  ``run`` serves it until it is gone.
 
     Attributes:
@@ -112,7 +112,7 @@ class Session:
         self.gateway = gateway
         self.browser = browser
         self.name = browser.name
-        self.outbox = Outbox(self._flow)
+        self.outbox = WebOutbox(self._flow)
         self.subs: dict[int, Sub] = {}
         self.console_uid = ""
         self.server_ahead: float | None = None
@@ -175,7 +175,7 @@ class Session:
             is_too_fast = self._is_too_fast()
             try:
                 request = parse_request(message.data)
-            except Refusal as error:
+            except WebRefusal as error:
                 self._answer(_id_in(message.data), error)
             else:
                 self._take(request, is_too_fast)
@@ -188,13 +188,13 @@ class Session:
         if request.get("do") in STOPS:
             pending = self._stopping
             if len(pending) >= MAX_STOPS:
-                self._answer(number, Refusal(f"{MAX_STOPS} stops of this browser are on their way", "limit"))
+                self._answer(number, WebRefusal(f"{MAX_STOPS} stops of this browser are on their way", "limit"))
                 return
         elif is_too_fast:
-            self._answer(number, Refusal("too many requests: slow down", "limit"))
+            self._answer(number, WebRefusal("too many requests: slow down", "limit"))
             return
         elif len(pending) >= MAX_PENDING:
-            self._answer(number, Refusal("too many requests wait for an answer", "limit"))
+            self._answer(number, WebRefusal("too many requests wait for an answer", "limit"))
             return
         # Each begins at once and in order; one that waits holds up no other.
         task = asyncio.create_task(self._serve(number, request))
@@ -213,21 +213,21 @@ class Session:
     async def _serve(self, number: Any, request: Mapping[str, Any]) -> None:
         try:
             answer = await self.gateway.serve(self, request)
-        except Refusal as error:
+        except WebRefusal as error:
             self._answer(number, error)
         except LobbyError as error:
-            self._answer(number, Refusal(str(error), error.code))
+            self._answer(number, WebRefusal(str(error), error.code))
         except Exception as error:
             self.gateway.limited_log.say(
                 "bug", "our bug in the gateway: %s: %s at a request of %s", type(error).__name__, error, self.name,
                 level=logging.ERROR,
             )  # fmt: skip
-            self._answer(number, Refusal("the gateway failed at this request: this is our bug"))
+            self._answer(number, WebRefusal("the gateway failed at this request: this is our bug"))
         else:
             if answer is not None:
                 self.outbox.put({"id": number, "ok": True, **answer})
 
-    def _answer(self, number: Any, error: Refusal) -> None:
+    def _answer(self, number: Any, error: WebRefusal) -> None:
         self.outbox.put({"id": number, "ok": False, "error": str(error), "code": error.code})
 
     # ---------------------------------------------------------------- telling
@@ -409,15 +409,15 @@ def _end(ended: asyncio.Event, reason: str) -> None:
 
 
 def parse_request(text: str) -> dict[str, Any]:
-    """A request.  Raises Refusal."""
+    """A request.  Raises WebRefusal."""
     try:
         request = json.loads(text, parse_constant=_refuse_number, parse_float=_finite)
     except (ValueError, RecursionError):
-        raise Refusal("a request is a line of JSON") from None
+        raise WebRefusal("a request is a line of JSON") from None
     if not isinstance(request, dict):
-        raise Refusal("a request is a JSON object")
+        raise WebRefusal("a request is a JSON object")
     if request.get("id") != _plain_id(request):
-        raise Refusal(f"id wants a number, or a text of at most {MAX_ID} characters")
+        raise WebRefusal(f"id wants a number, or a text of at most {MAX_ID} characters")
     return request
 
 
@@ -433,7 +433,7 @@ def _finite(text: str) -> float:
 
 
 def _refuse_number(text: str) -> float:
-    raise Refusal(f"{text[:40]} is no number of a request: JSON has no infinite ones and no NaN")
+    raise WebRefusal(f"{text[:40]} is no number of a request: JSON has no infinite ones and no NaN")
 
 
 def _id_in(text: str) -> Any:

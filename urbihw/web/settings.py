@@ -14,7 +14,7 @@ DEFAULT_PORT: Final = 54080
 
 
 @dataclass(frozen=True)
-class Limits:
+class WebLimits:
     """What a browser of role drive may ask for at most.
 
     Attributes:
@@ -30,7 +30,7 @@ class Limits:
 
 
 @dataclass(frozen=True)
-class Settings:
+class WebSettings:
     """What a gateway serves, and where.
 
     Attributes:
@@ -58,4 +58,4 @@ class Settings:
     port_file: Path | None = None
     tls: SSLContext | None = None
     owner: str = ""
-    limits: Limits = field(default_factory=Limits)
+    limits: WebLimits = field(default_factory=WebLimits)

@@ -10,7 +10,7 @@ from typing import Any, Final
 from urbihw.client.literals import literal, string_literal, written_path
 from urbihw.web.asked import number_of, path_of, paths_of
 from urbihw.web.lobby import LobbyError
-from urbihw.web.session import EVENTS, LOG, PICTURE, SAMPLES, Refusal, Session, Sub
+from urbihw.web.session import EVENTS, LOG, PICTURE, SAMPLES, Sub, WebRefusal, WebSession
 
 MAX_SUBS: Final = 32
 MAX_SLOTS: Final = 1000
@@ -24,7 +24,7 @@ MAX_TOLD: Final = 10
 Request = Mapping[str, Any]
 
 
-async def subscribe(session: Session, request: Request) -> dict[str, Any]:
+async def subscribe(session: WebSession, request: Request) -> dict[str, Any]:
     """Samples of slots at a rate."""
     slots = paths_of(request, "slots", MAX_SLOTS)
     hz = number_of(request, "hz", 0, MAX_HZ, 20)
@@ -34,7 +34,7 @@ async def subscribe(session: Session, request: Request) -> dict[str, Any]:
     return {**answer, "errors": sub.errors} if sub.errors else answer
 
 
-async def picture(session: Session, request: Request) -> dict[str, Any]:
+async def picture(session: WebSession, request: Request) -> dict[str, Any]:
     """Pictures, the next one after ``ack``."""
     slot = path_of(request, "slot")
     hz = number_of(request, "hz", 0.1, 60, 10)
@@ -44,26 +44,26 @@ async def picture(session: Session, request: Request) -> dict[str, Any]:
     return {"sub": sub.number}
 
 
-async def ack(session: Session, request: Request) -> None:
+async def ack(session: WebSession, request: Request) -> None:
     """The picture was drawn: the next one may come.  It has no answer."""
     sub = session.subs.get(int(number_of(request, "sub", 0, 1e9)))
     if sub is not None and sub.kind == PICTURE:
         session.link.begin(f'__web.ready("{sub.channel}") | 1')
 
 
-async def unsubscribe(session: Session, request: Request) -> dict[str, Any]:
+async def unsubscribe(session: WebSession, request: Request) -> dict[str, Any]:
     """End samples, pictures or events."""
     session.drop_sub(int(number_of(request, "sub", 0, 1e9)))
     return {}
 
 
-async def events(session: Session, request: Request) -> dict[str, Any]:
+async def events(session: WebSession, request: Request) -> dict[str, Any]:
     """Events as they happen."""
     slots = paths_of(request, "slots", 100)
     tree = session.gateway.robot.tree
     for slot in slots:
         if session.role != "full" and not tree.is_event(slot):
-            raise Refusal(f"{slot} is no event of the robot", "role")
+            raise WebRefusal(f"{slot} is no event of the robot", "role")
     sub = _new(session, EVENTS, lambda sub: " | ".join(
         f'lobby.answerEvents("{sub.channel}_{number}", {written_path(slot)})' for number, slot in enumerate(slots)
     ) + " | 1", slots)  # fmt: skip
@@ -71,7 +71,7 @@ async def events(session: Session, request: Request) -> dict[str, Any]:
     return {"sub": sub.number}
 
 
-async def values(session: Session, request: Request) -> dict[str, Any]:
+async def values(session: WebSession, request: Request) -> dict[str, Any]:
     """Values of the devices from the worker, which need no interpreter; 0 Hz ends them."""
     hz = number_of(request, "hz", 0, MAX_DEVICE_HZ, 20)
     running = session.tasks.pop("values", None)
@@ -80,13 +80,13 @@ async def values(session: Session, request: Request) -> dict[str, Any]:
     session.outbox.forget("values")
     worker = session.gateway.robot.worker
     if hz and worker.path is None:
-        raise Refusal("the bus worker is on another machine", "gone")
+        raise WebRefusal("the bus worker is on another machine", "gone")
     if hz:
         session.tasks["values"] = session.spawn(worker.values(hz, lambda told: _hear_values(session, told)))
     return {}
 
 
-def _hear_values(session: Session, told: Mapping[str, Any]) -> None:
+def _hear_values(session: WebSession, told: Mapping[str, Any]) -> None:
     time = told.get("time")
     if isinstance(time, int | float):
         time = round(session.gateway.robot.server_time(time), 4)
@@ -94,7 +94,7 @@ def _hear_values(session: Session, told: Mapping[str, Any]) -> None:
     session.outbox.put_newest("values", {"event": "values", **rows}, 4)
 
 
-async def log(session: Session, request: Request) -> dict[str, Any]:
+async def log(session: WebSession, request: Request) -> dict[str, Any]:
     """The log of the daemon behind row ``since``, and new rows as they come."""
     since = number_of(request, "since", 0, 1e15, 0)
     if all(sub.kind != LOG for sub in session.subs.values()):
@@ -104,13 +104,13 @@ async def log(session: Session, request: Request) -> dict[str, Any]:
     return {}
 
 
-def _new(session: Session, kind: str, body: Callable[[Sub], str], slots: Sequence[str] = ()) -> Sub:
+def _new(session: WebSession, kind: str, body: Callable[[Sub], str], slots: Sequence[str] = ()) -> Sub:
     if len(session.subs) >= MAX_SUBS:
-        raise Refusal(f"there are {MAX_SUBS} subscriptions: end one", "limit")
+        raise WebRefusal(f"there are {MAX_SUBS} subscriptions: end one", "limit")
     return session.new_sub(kind, body, slots)
 
 
-async def _begin(session: Session, slots: list[str], hz: float) -> tuple[Sub, dict[str, Any]]:
+async def _begin(session: WebSession, slots: list[str], hz: float) -> tuple[Sub, dict[str, Any]]:
     """Make a subscription of samples; what the server tells of it."""
     sub = _new(
         session, SAMPLES, lambda made: f'__web.subscribe("{made.channel}", {literal(slots)}, {hz:g}) | 1', slots
@@ -125,7 +125,7 @@ async def _begin(session: Session, slots: list[str], hz: float) -> tuple[Sub, di
     return sub, told
 
 
-async def _know_errors(session: Session, sub: Sub) -> None:
+async def _know_errors(session: WebSession, sub: Sub) -> None:
     """Wait until the server has looked at all slots.  Raises LobbyError, and ends the subscription, when none of them
     can be read."""
     with contextlib.suppress(TimeoutError):
@@ -136,7 +136,7 @@ async def _know_errors(session: Session, sub: Sub) -> None:
         raise LobbyError("; ".join(f"{slot}: {text}" for slot, text in list(sub.errors.items())[:MAX_TOLD]), "language")
 
 
-async def _ask(session: Session, sub: Sub) -> None:
+async def _ask(session: WebSession, sub: Sub) -> None:
     try:
         await session.link.ask(sub.body)
     except LobbyError:

@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 from urbihw.daemon.control_client import NoWorker
 from urbihw.web import language, moving, streams
 from urbihw.web.lobby import LobbyError
-from urbihw.web.session import Refusal, Session
+from urbihw.web.session import WebRefusal, WebSession
 
 _ALL: Final = ("view", "drive", "full")
 _DRIVING: Final = ("drive", "full")
@@ -22,16 +22,16 @@ class Verb(NamedTuple):
     the opening.  What the worker does, and orders of a pad, which must not be old, do not wait."""
 
     roles: tuple[str, ...]
-    run: Callable[[Session, Request], Awaitable[dict[str, Any] | None]]
+    run: Callable[[WebSession, Request], Awaitable[dict[str, Any] | None]]
     waits: bool = True
 
 
-async def tree(session: Session, request: Request) -> dict[str, Any]:
+async def tree(session: WebSession, request: Request) -> dict[str, Any]:
     """The tree of the robot; null while it is not known."""
     return {"tree": session.gateway.robot.tree.told}
 
 
-async def obey(session: Session, request: Request) -> dict[str, Any]:
+async def obey(session: WebSession, request: Request) -> dict[str, Any]:
     """Stop, emergency stop and release: by the worker, which does not need the interpreter; for a robot of another
     machine by the daemon."""
     robot, verb = session.gateway.robot, str(request["do"])
@@ -39,7 +39,7 @@ async def obey(session: Session, request: Request) -> dict[str, Any]:
     try:
         told = await robot.obey(verb, session.title, session.daemon)
     except (NoWorker, LobbyError) as error:
-        raise Refusal(f"NOT CONFIRMED: {error}", "gone") from error
+        raise WebRefusal(f"NOT CONFIRMED: {error}", "gone") from error
     milliseconds = round(1000 * (time.monotonic() - began), 1)
     looking = session.tasks.get("look")
     if looking is None or looking.done():

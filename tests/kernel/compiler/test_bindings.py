@@ -10,11 +10,11 @@ from collections.abc import Callable
 import pytest
 
 from urbihw.kernel import errors
-from urbihw.kernel.compiler import Unit, compile_node
+from urbihw.kernel.compiler import CompiledUnit, compile_node
 from urbihw.kernel.syntax import ast
-from urbihw.kernel.syntax.binding import UNBOUND, Bound
+from urbihw.kernel.syntax.binding import UNBOUND, BoundNode
 from urbihw.kernel.syntax.check import children
-from urbihw.kernel.syntax.pace import STEPS_PER_PAUSE, Pace
+from urbihw.kernel.syntax.pace import STEPS_PER_PAUSE, StepPace
 from urbihw.kernel.syntax.reader import Statement, parse_program
 
 PROGRAM = (
@@ -40,12 +40,12 @@ def bound_nodes(node: ast.Node) -> list[ast.Node]:
     return found
 
 
-def python(unit: Unit) -> str:
+def python(unit: CompiledUnit) -> str:
     assert unit.tree is not None
     return pyast.unparse(unit.tree)
 
 
-def paused(action: Callable[[], object]) -> Pace:
+def paused(action: Callable[[], object]) -> StepPace:
     """A pace that does something at its first pause."""
     done: list[bool] = []
 
@@ -54,7 +54,7 @@ def paused(action: Callable[[], object]) -> Pace:
             done.append(True)
             action()
 
-    return Pace(pause)
+    return StepPace(pause)
 
 
 def test_nothing_is_left_on_the_nodes() -> None:
@@ -68,10 +68,10 @@ def test_nothing_is_left_when_it_is_given_up() -> None:
 
     def give_up() -> None:
         assert bound_nodes(node)
-        raise errors.TooLong
+        raise errors.StatementTooLong
 
-    with pytest.raises(errors.TooLong):
-        compile_node(node, pace=Pace(give_up))
+    with pytest.raises(errors.StatementTooLong):
+        compile_node(node, pace=StepPace(give_up))
     assert bound_nodes(node) == []
 
 
@@ -85,7 +85,7 @@ def test_nothing_is_left_when_it_is_too_deep() -> None:
 def test_two_jobs_may_compile_the_same_statement_at_once() -> None:
     node = node_of(PROGRAM)
     alone = python(compile_node(node, keep_tree=True))
-    second: list[Unit] = []
+    second: list[CompiledUnit] = []
     first = compile_node(node, pace=paused(lambda: second.append(compile_node(node, keep_tree=True))), keep_tree=True)
     assert [python(first), python(second[0])] == [alone, alone]
 
@@ -103,7 +103,7 @@ def test_a_part_of_a_statement_may_be_compiled_meanwhile() -> None:
 
 def test_a_copy_is_not_bound() -> None:
     node = node_of("f(x)")
-    node.bound = Bound()  # type: ignore[misc]
+    node.bound = BoundNode()  # type: ignore[misc]
     for other in (copy.deepcopy(node), pickle.loads(pickle.dumps(node))):
         assert other == node
         assert other.bound is UNBOUND

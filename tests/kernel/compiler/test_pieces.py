@@ -8,10 +8,10 @@ from types import CodeType
 import pytest
 
 from urbihw.kernel import Kernel, errors
-from urbihw.kernel.compiler import Unit, compile_node, pieces, visit
+from urbihw.kernel.compiler import CompiledUnit, compile_node, pieces, visit
 from urbihw.kernel.lobby import long_work, shell
-from urbihw.kernel.syntax.pace import Pace
-from urbihw.kernel.syntax.reader import Reader, Statement
+from urbihw.kernel.syntax.pace import StepPace
+from urbihw.kernel.syntax.reader import Statement, StatementReader
 
 PROGRAMS = {
     "locals": "function f(a, b = 2) { var c = a + b; c = c * 2; var d = c - 1; d += a; a = d; a + b + c }; f(1);"
@@ -103,14 +103,14 @@ def said(kernel: Kernel, program: str) -> list[str]:
     return [line[:1] + line[9:] for line in lines]
 
 
-def unit(text: str) -> Unit:
+def unit(text: str) -> CompiledUnit:
     """A statement, compiled as if it were long."""
-    (item,) = Reader().feed(text.encode() + b";")
+    (item,) = StatementReader().feed(text.encode() + b";")
     assert isinstance(item, Statement)
-    return compile_node(item.node, pace=Pace())
+    return compile_node(item.node, pace=StepPace())
 
 
-def codes(made: Unit) -> list[CodeType]:
+def codes(made: CompiledUnit) -> list[CodeType]:
     """All Python functions of a unit."""
     todo, found = [made.code, *made.pieces], []
     while todo:
@@ -163,7 +163,7 @@ def test_no_piece_is_long(text: str) -> None:
 
 
 def test_what_cannot_be_cut_is_refused() -> None:
-    with pytest.raises(errors.TooLong):
+    with pytest.raises(errors.StatementTooLong):
         unit("function (" + ", ".join(f"a{n}" for n in range(20_000)) + ") {}")
 
 
@@ -171,7 +171,7 @@ def test_variables_that_go_through_many_functions_are_refused() -> None:
     """They would take memory in each."""
     variables = "".join(f"var a{n} = 1; " for n in range(1000))
     uses = "; ".join(f"a{n}" for n in range(1000))
-    with pytest.raises(errors.TooLong):
+    with pytest.raises(errors.StatementTooLong):
         unit("function () {" + variables + "closure () {" * 240 + uses + "}" * 241)
 
 

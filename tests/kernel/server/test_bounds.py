@@ -22,7 +22,7 @@ from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.scheduler import Scheduler
 from urbihw.kernel.server import watchdog
 from urbihw.kernel.server.bounds import MIB, NONE, Bounds, bounds, machine_memory
-from urbihw.kernel.server.loop import Driver
+from urbihw.kernel.server.loop import LoopDriver
 from urbihw.kernel.server.memory import GROWTH_MARGIN, MemoryAccount, ResidentMemory
 from urbihw.kernel.uobject import UObject, function
 
@@ -39,7 +39,7 @@ class Talk:
 
     def __init__(self, limits: Bounds) -> None:
         self.kernel = Kernel()
-        self.driver = Driver(self.kernel.scheduler, limits)
+        self.driver = LoopDriver(self.kernel.scheduler, limits)
         self.lobby = self.kernel.open_lobby("127.0.0.1")
         self.other = self.kernel.open_lobby("127.0.0.1")
         self.driver.drive()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from urbihw.kernel.server.handshake import MAX_HELD_BACK, PlainHandshake, Refusal
+from urbihw.kernel.server.handshake import MAX_HELD_BACK, HandshakeRefusal, PlainHandshake
 
 EVIL = b'*/;System.system("touch /tmp/evil");'
 
@@ -44,7 +44,7 @@ OTHERS = {
 @pytest.mark.parametrize("size", [1, 3, 1000], ids=["byte by byte", "by threes", "at once"])
 def test_another_protocol_is_refused_before_anything_is_handed_on(kind: str, size: int) -> None:
     handshake, data = PlainHandshake(), OTHERS[kind]
-    with pytest.raises(Refusal) as caught:
+    with pytest.raises(HandshakeRefusal) as caught:
         for start in range(0, len(data), size):
             assert handshake.check_bytes(data[start : start + size]) is None
     answer = caught.value.answer.decode("ascii")
@@ -110,5 +110,5 @@ def test_what_may_still_become_a_request_is_let_through_by_a_line_end(data: byte
 def test_a_first_line_without_end_is_refused() -> None:
     handshake = PlainHandshake()
     assert handshake.check_bytes(b"FROB /") is None
-    with pytest.raises(Refusal, match="endless first line"):
+    with pytest.raises(HandshakeRefusal, match="endless first line"):
         handshake.check_bytes(b"x" * MAX_HELD_BACK)

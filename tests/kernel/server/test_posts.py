@@ -6,7 +6,7 @@ import asyncio
 
 from urbihw.kernel.sched.clock import Clock, SimClock
 from urbihw.kernel.sched.scheduler import MAX_RUN_S, Scheduler
-from urbihw.kernel.server.loop import Driver
+from urbihw.kernel.server.loop import LoopDriver
 
 
 class Ticking(SimClock):
@@ -25,7 +25,7 @@ def test_sockets_have_their_turn_between_the_posts() -> None:
 
     async def play() -> list[int]:
         scheduler = Scheduler(SimClock())
-        driver = Driver(scheduler)
+        driver = LoopDriver(scheduler)
         loop = asyncio.get_running_loop()
         done: list[int] = []
         drives = 0

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from urbihw.kernel.syntax import ast
-from urbihw.kernel.syntax.reader import Item, Reader, Statement, StatementCache, SyntaxProblem, parse_program
+from urbihw.kernel.syntax.reader import Item, Statement, StatementCache, StatementReader, SyntaxProblem, parse_program
 
 EXAMPLES = [
     line for line in Path(__file__).with_name("examples.u").read_text("ascii").splitlines() if not line.startswith("//")
@@ -35,12 +35,12 @@ def told(items: Iterable[Item]) -> list[str]:
 
 def typed(text: str | bytes) -> list[str]:
     """What a connection would see for a text that is typed at once."""
-    return told(Reader().feed(text if isinstance(text, bytes) else text.encode("latin-1")))
+    return told(StatementReader().feed(text if isinstance(text, bytes) else text.encode("latin-1")))
 
 
 def in_pieces(data: bytes, size: int, cache: StatementCache | None = None) -> list[Item]:
     """The items of a text that comes in packets of ``size`` bytes and then ends."""
-    reader = Reader(cache=cache)
+    reader = StatementReader(cache=cache)
     items = []
     for at in range(0, len(data), size):
         items += reader.feed(data[at : at + size])

@@ -10,7 +10,7 @@ from syntax_reading import EXAMPLES, typed
 from urbihw.kernel.syntax import expressions, statements, tables
 from urbihw.kernel.syntax.cache_folder import write_cached
 from urbihw.kernel.syntax.lexer import Lexer
-from urbihw.kernel.syntax.pace import Pace
+from urbihw.kernel.syntax.pace import StepPace
 from urbihw.kernel.syntax.parser import Parser
 from urbihw.kernel.syntax.tables import GRAMMAR, Tables, build_tables, load_tables
 from urbihw.kernel.syntax.tokens import (
@@ -46,7 +46,7 @@ def test_every_rule_has_an_example() -> None:
         while lexer.begin() and (token := lexer.next()) is not None:
             if parser.push(token):
                 lexer.take_text()
-                parser.take_command(Pace())
+                parser.take_command(StepPace())
         parser.problems.clear()
         parser = _renewed(parser)
     # Rules that only pass a symbol on from one level of precedence to the next are not counted.

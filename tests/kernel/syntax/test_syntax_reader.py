@@ -11,7 +11,7 @@ from syntax_reading import EXAMPLES, in_pieces, told, typed
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax import reader as reader_module
 from urbihw.kernel.syntax.location import Position
-from urbihw.kernel.syntax.reader import Item, Reader, Statement, StatementCache, SyntaxProblem, parse_program
+from urbihw.kernel.syntax.reader import Item, Statement, StatementCache, StatementReader, SyntaxProblem, parse_program
 from urbihw.kernel.syntax.tokens import KEYWORDS, SIGNS
 
 STREAMS = [
@@ -44,7 +44,7 @@ def bases(items: list[Item]) -> list[str]:
 
 
 def test_a_statement_comes_as_soon_as_its_separator() -> None:
-    reader = Reader()
+    reader = StatementReader()
     assert reader.feed(b"1") == []
     assert told(reader.feed(b";2")) == ["1;"]
     assert told(reader.feed(b",{3;")) == ["2,"]
@@ -64,7 +64,7 @@ def test_the_separator_is_told() -> None:
 
 def test_positions_count_from_the_start_of_the_connection() -> None:
     # As recorded: CR LF, LF CR, CR and LF are one line each, a tab is one column.
-    reader = Reader()
+    reader = StatementReader()
     typed_one_by_one = [
         b"foo_;\n",
         b"foo_;\r\n",
@@ -79,16 +79,16 @@ def test_positions_count_from_the_start_of_the_connection() -> None:
 
 
 def test_a_raw_cr_lf_in_a_string_is_two_lines() -> None:
-    assert bases(Reader().feed(b'"a\r\nb"; 1;')) == ["1.1", "3.5"]
+    assert bases(StatementReader().feed(b'"a\r\nb"; 1;')) == ["1.1", "3.5"]
 
 
 def test_a_blob_counts_no_lines() -> None:
-    assert bases(Reader().feed(b'"\\B(2)(\n\n)"; 1;')) == ["1.1", "1.14"]
+    assert bases(StatementReader().feed(b'"\\B(2)(\n\n)"; 1;')) == ["1.1", "1.14"]
 
 
 def test_synclines() -> None:
     # As recorded on the original.
-    reader = Reader()
+    reader = StatementReader()
     assert bases(reader.feed(b'1; //#line 100 "x.u"\nfoo_;')) == ["1.1", "x.u:100.1"]
     assert bases(reader.feed(b"foo_;\n")) == ["x.u:100.6"]
     assert bases(reader.feed(b'//#push 5 "y.u"\nfoo_;\n//#pop\nfoo_;\n')) == ["y.u:5.1", "x.u:101.1"]
@@ -99,11 +99,11 @@ def test_synclines() -> None:
     "comment", ['//#line 3 "f" x', "//#line 3", '//#line x "f"', "//#pop", "//#line3", '// #line 3 "f"', '//#push 3 "f']
 )
 def test_what_is_not_quite_a_syncline_is_a_comment(comment: str) -> None:
-    assert bases(Reader().feed(comment.encode() + b"\n1;")) == ["2.1"]
+    assert bases(StatementReader().feed(comment.encode() + b"\n1;")) == ["2.1"]
 
 
 def test_a_syncline_inside_a_statement_moves_its_lines() -> None:
-    (item,) = Reader("a.u").feed(b'1 +\n//#line 10 "a.u"\n2 3;')
+    (item,) = StatementReader("a.u").feed(b'1 +\n//#line 10 "a.u"\n2 3;')
     assert isinstance(item, SyntaxProblem)
     assert str(item.location) == "a.u:10.3"
 
@@ -114,7 +114,7 @@ def test_the_name_of_a_file_is_in_positions() -> None:
 
 def test_a_known_statement_is_the_same_node() -> None:
     cache = StatementCache()
-    first, second = Reader(cache=cache), Reader(cache=cache)
+    first, second = StatementReader(cache=cache), StatementReader(cache=cache)
     (one,) = first.feed(b"{ a;\n  b };")
     (two,) = second.feed(b"\n  { a;\n  b };")
     assert isinstance(one, Statement) and isinstance(two, Statement)
@@ -125,19 +125,19 @@ def test_a_known_statement_is_the_same_node() -> None:
 
 def test_a_known_beginning_is_not_enough() -> None:
     cache = StatementCache()
-    assert told(Reader(cache=cache).feed(b"a, a;")) == ["a,", "a;"]
-    assert told(Reader(cache=cache).feed(b"aa, [a, a]; f(a;1); a,"))[:2] == ["aa,", "[a, a];"]
+    assert told(StatementReader(cache=cache).feed(b"a, a;")) == ["a,", "a;"]
+    assert told(StatementReader(cache=cache).feed(b"aa, [a, a]; f(a;1); a,"))[:2] == ["aa,", "[a, a];"]
 
 
 def test_wrong_statements_and_synclines_are_not_remembered() -> None:
     cache = StatementCache()
-    Reader(cache=cache).feed(b'1 2; # 3; new a; {\n//#line 9 "x"\n1};')
+    StatementReader(cache=cache).feed(b'1 2; # 3; new a; {\n//#line 9 "x"\n1};')
     assert len(cache) == 0
 
 
 def test_the_cache_is_bounded() -> None:
     cache = StatementCache(size=3, longest=10)
-    reader = Reader(cache=cache)
+    reader = StatementReader(cache=cache)
     for text in (b"1;", b"2;", b"3;", b"1;", b"4;", b"a_long_name_here;"):
         reader.feed(text)
     assert len(cache) == 3
@@ -147,7 +147,7 @@ def test_the_cache_is_bounded() -> None:
 def test_a_megabyte_in_small_packets() -> None:
     data = b'"' + b"a" * 1_000_000 + b'"; ' + b"b" * 20_000 + b"; /*" + b"c" * 20_000 + b"*/ 1;"
     string, word, one = in_pieces(data, 10)
-    assert isinstance(string, Statement) and isinstance(string.node, ast.String)
+    assert isinstance(string, Statement) and isinstance(string.node, ast.StringLiteral)
     assert len(string.node.value) == 1_000_000
     assert isinstance(word, Statement) and word.node == ast.Call(None, "b" * 20_000)
     assert isinstance(one, Statement) and one.text == "1;"
@@ -166,11 +166,11 @@ def test_a_megabyte_in_small_packets() -> None:
         ("if (1) " * 2000 + "{ var x }", ast.If),
         ("function () {" * 2000 + "return" + "}" * 2000, ast.Function),
         ("1" + "|1" * 20_000, ast.Pipe),
-        ('"a"' * 20_000, ast.String),
+        ('"a"' * 20_000, ast.StringLiteral),
     ],
 )
 def test_size_and_depth_are_no_limit(text: str, kind: type[ast.Node]) -> None:
-    (item,) = Reader().feed(text.encode() + b";")
+    (item,) = StatementReader().feed(text.encode() + b";")
     assert isinstance(item, Statement)
     assert isinstance(item.node, kind)
 
@@ -215,7 +215,7 @@ def test_too_many_errors_are_one(narrow: None) -> None:
 
 
 def test_it_is_refused_before_its_end_has_come(narrow: None) -> None:
-    reader = Reader()
+    reader = StatementReader()
     assert told(reader.feed(b"[1, 2, 3, 4, 5, 6, 7, ")) == [f"error 1.1-18: {LONG}"]
     assert reader.feed(b"8]") == []
     assert reader.finish() == []
@@ -248,6 +248,6 @@ def test_bytes_at_random_never_raise() -> None:
 
 
 def test_no_file_of_the_grammar_is_read_twice(monkeypatch: pytest.MonkeyPatch) -> None:
-    Reader()
+    StatementReader()
     monkeypatch.setattr(Path, "read_text", None)
-    assert told(Reader().feed(b"1;")) == ["1;"]
+    assert told(StatementReader().feed(b"1;")) == ["1;"]

@@ -61,7 +61,7 @@ class DriveInfo:
     watches: bool = False
 
 
-class Drive:
+class CanDrive:
     """A drive that was set up.
 
     Attributes:
@@ -384,7 +384,7 @@ class Drive:
         self._node.emcy.reset()
 
     def listen(self) -> None:
-        """Receive heartbeats again, after another `Drive` could not be set up in its place."""
+        """Receive heartbeats again, after another `CanDrive` could not be set up in its place."""
         self._network[self.info.id] = self._node
 
     def _on_heartbeat(self, state: int) -> None:

@@ -23,20 +23,20 @@ from typing import Any, Final
 from canopen import SdoAbortedError, SdoCommunicationError
 
 from urbihw.buses.can import cia402 as c
-from urbihw.buses.can.drive import HEARTBEAT_PERIOD_S, HEARTBEAT_TIMEOUT_S, MASTER, Drive, DriveInfo
+from urbihw.buses.can.drive import HEARTBEAT_PERIOD_S, HEARTBEAT_TIMEOUT_S, MASTER, CanDrive, DriveInfo
 from urbihw.buses.can.network import PortNetwork
-from urbihw.buses.can.options import LAST_NODE, Options
+from urbihw.buses.can.options import LAST_NODE, CanOptions
 from urbihw.buses.can.port import can_port
-from urbihw.buses.clock import Clock, RealClock
+from urbihw.buses.clock import BusClock, BusRealClock
 from urbihw.buses.driver import Driver, no_stop
 from urbihw.buses.errors import BusTimeout, Unavailable
 from urbihw.buses.link import Port
 from urbihw.buses.messages import (
     Configure,
+    DeviceReport,
     DeviceState,
     Found,
     FromWorker,
-    Happened,
     Refused,
     Reply,
     Request,
@@ -79,9 +79,9 @@ class DrivesDriver(Driver):
     device_info = DriveInfo
 
     def __init__(self) -> None:
-        self._clock: Clock = RealClock()
+        self._clock: BusClock = BusRealClock()
         self._network: PortNetwork | None = None
-        self._drives: dict[int, Drive] = {}
+        self._drives: dict[int, CanDrive] = {}
         self._lost: dict[int, float] = {}
         self._nodes: tuple[int, ...] = ()
         self._period = 0.01
@@ -95,7 +95,7 @@ class DrivesDriver(Driver):
 
     def configure(self, settings: Configure) -> None:
         """Apply settings. Raises BadSetting."""
-        self._nodes = Options.of(settings.options).nodes
+        self._nodes = CanOptions.of(settings.options).nodes
         self._period = 1 / settings.rate
         self._off_on_stop = settings.torque_off_on_stop
 
@@ -110,14 +110,14 @@ class DrivesDriver(Driver):
         self._drives = {}
         for number in numbers:
             try:
-                self._drives[number] = Drive(network, number, self._period, self._clock.now())
+                self._drives[number] = CanDrive(network, number, self._period, self._clock.now())
             except Unavailable as error:
                 problems.append(str(error))
         if not self._drives:
             raise Unavailable("; ".join(problems) or f"no node answers on {port.url.text}: power, wiring, bitrate?")
         self._lost = {}
         infos = tuple(drive.info for drive in self._drives.values())
-        return [Found(infos), *(Happened(0, "left alone", problem) for problem in problems)]
+        return [Found(infos), *(DeviceReport(0, "left alone", problem) for problem in problems)]
 
     def detach(self) -> None:
         """Drop the drives of the closed port; their pending requests are answered with an error."""
@@ -255,7 +255,7 @@ class DrivesDriver(Driver):
         network.receive_for(SEARCH_S)
         return sorted(number for number in network.scanner.nodes if number <= LAST_NODE)
 
-    def _present_drives(self) -> list[Drive]:
+    def _present_drives(self) -> list[CanDrive]:
         return [drive for number, drive in self._drives.items() if number not in self._lost]
 
     def _send_heartbeat(self, network: PortNetwork, now: float) -> None:
@@ -271,7 +271,7 @@ class DrivesDriver(Driver):
             # No ACK on the bus; the silence time-out reports the drives.
             self._unsent += 1
 
-    def _start_transition(self, message: Request, drive: Drive) -> list[FromWorker]:
+    def _start_transition(self, message: Request, drive: CanDrive) -> list[FromWorker]:
         news = self._end_transition(message.device, f"gave way to {message.verb}")
         match message.verb:
             case "enable":
@@ -286,7 +286,7 @@ class DrivesDriver(Driver):
         self._transitions[message.device] = _Transition(message.reply_id, message.verb, until)
         return news
 
-    def _start_homing(self, message: Request, drive: Drive) -> list[FromWorker]:
+    def _start_homing(self, message: Request, drive: CanDrive) -> list[FromWorker]:
         if not (drive.wanted and drive.state == c.ENABLED):
             return [Reply(message.reply_id, False, error=f"drive {message.device} is off: switch it on with load = 1")]
         if not drive.info.modes & c.CAN_HOME:
@@ -307,7 +307,7 @@ class DrivesDriver(Driver):
         wait = self._transitions.pop(number, None)
         return [] if wait is None else [Reply(wait.reply_id, False, error=f"{wait.verb} {reason}")]
 
-    def _access_object(self, message: Request, drive: Drive) -> Reply:
+    def _access_object(self, message: Request, drive: CanDrive) -> Reply:
         index, _, sub = message.item.partition(":")
         try:
             place = int(index, 16), int(sub or "0", 16)
@@ -320,9 +320,9 @@ class DrivesDriver(Driver):
         except (SdoAbortedError, SdoCommunicationError) as error:
             return Reply(message.reply_id, False, error=f"drive {message.device} refuses {message.item}: {error}")
 
-    def _check_drive(self, number: int, drive: Drive, now: float) -> list[FromWorker]:
+    def _check_drive(self, number: int, drive: CanDrive, now: float) -> list[FromWorker]:
         """Return the messages about a drive: its emergencies, its loss or return, the end of a transition."""
-        news: list[FromWorker] = [Happened(number, "emergency", one) for one in drive.emergencies]
+        news: list[FromWorker] = [DeviceReport(number, "emergency", one) for one in drive.emergencies]
         drive.emergencies = []
         if number in self._lost:
             return news + self._set_up_lost_drive(number, drive, now)
@@ -335,13 +335,13 @@ class DrivesDriver(Driver):
             return [*news, DeviceState(number, "ok", "lost", reason)]
         return news + self._check_transition(number, drive, now)
 
-    def _set_up_lost_drive(self, number: int, drive: Drive, now: float) -> list[FromWorker]:
+    def _set_up_lost_drive(self, number: int, drive: CanDrive, now: float) -> list[FromWorker]:
         """A lost drive that speaks again brakes, and is set up again: it may still execute an old command."""
         if drive.heard_at <= self._lost[number] and not drive.booted:
             return []
         assert self._network is not None
         try:
-            self._drives[number] = Drive(self._network, number, self._period, now, brakes=True)
+            self._drives[number] = CanDrive(self._network, number, self._period, now, brakes=True)
         except Unavailable:
             self._lost[number] = self._clock.now()
             drive.booted = False
@@ -350,7 +350,7 @@ class DrivesDriver(Driver):
         del self._lost[number]
         return [DeviceState(number, "lost", "back", ""), DeviceState(number, "back", "ok", "")]
 
-    def _check_transition(self, number: int, drive: Drive, now: float) -> list[FromWorker]:
+    def _check_transition(self, number: int, drive: CanDrive, now: float) -> list[FromWorker]:
         wait = self._transitions.get(number)
         if wait is None:
             return []
@@ -370,7 +370,7 @@ class DrivesDriver(Driver):
             drive.wanted = None
         return [Reply(wait.reply_id, False, error=f"drive {number} stays in {state}")]
 
-    def _check_homing(self, number: int, drive: Drive, wait: _Transition, now: float) -> list[FromWorker]:
+    def _check_homing(self, number: int, drive: CanDrive, wait: _Transition, now: float) -> list[FromWorker]:
         result = drive.homing_result() if drive.state == c.ENABLED else False
         if result is None and now >= wait.until:
             self._try_send(drive.halt)
@@ -383,7 +383,7 @@ class DrivesDriver(Driver):
         return [Reply(wait.reply_id, True, drive.values()["position"])]
 
 
-def _loss_of(drive: Drive, now: float) -> str:
+def _loss_of(drive: CanDrive, now: float) -> str:
     """Why a drive cannot be commanded any more; "" if it can."""
     if drive.booted:
         return "it has started anew"

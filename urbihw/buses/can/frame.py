@@ -11,7 +11,7 @@ STANDARD_IDS = 0x800
 _BITS_AROUND = 47  # start, identifier, control, check sum, end and pause, without stuff bits
 
 
-class Frame(NamedTuple):
+class CanFrame(NamedTuple):
     """A frame: `id` 0..0x7FF, at most 8 bytes of `data`."""
 
     id: int

@@ -11,7 +11,7 @@ from typing import Any
 
 import canopen
 
-from urbihw.buses.can.frame import Frame
+from urbihw.buses.can.frame import CanFrame
 from urbihw.buses.can.port import CanPort, silence_logger
 
 _MOST_FRAMES = 1000
@@ -32,7 +32,7 @@ class PortNetwork(canopen.Network):
 
     def send_message(self, can_id: int, data: Any, remote: bool = False) -> None:
         """Send a message. Raises BusTimeout, LinkGone."""
-        self._port.send(Frame(can_id, bytes(data)))
+        self._port.send(CanFrame(can_id, bytes(data)))
 
     def receive(self, deadline: float = 0.0) -> int:
         """Process received messages, waiting for one until `deadline`; return their number. Raises LinkGone."""

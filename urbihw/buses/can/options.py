@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from urbihw.settings import Table, setting, wholes
+from urbihw.settings import SettingsTable, setting, wholes
 
 LAST_NODE: Final = 126
 """The largest number of a drive; we are the node above."""
 
 
 @dataclass(frozen=True)
-class Options(Table):
+class CanOptions(SettingsTable):
     """The options of the family.
 
     Attributes:

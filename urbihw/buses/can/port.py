@@ -24,20 +24,20 @@ from typing import Final
 import can
 from can.interfaces import BACKENDS
 
-from urbihw.buses.can.frame import Frame
+from urbihw.buses.can.frame import CanFrame
 from urbihw.buses.can.pipe import PipeBus
 from urbihw.buses.can.slcan import SlcanText
 from urbihw.buses.errors import BadUrl, BusTimeout, LinkGone, Unavailable
 from urbihw.buses.link import Context, Port, Url
 from urbihw.buses.serial import no_port
-from urbihw.settings import ANY, Rule, guess
+from urbihw.settings import ANY, SettingRule, guess
 
 DEFAULT_BITRATE: Final = 500_000
 _PATHS: Final = {"slcan"}
 """Interfaces whose channel is the path of a serial port."""
 _CHUNK: Final = 65536
 _FULL: Final = {errno.ENOBUFS, errno.EAGAIN}
-BITRATE: Final = Rule((int,), "a number such as 500000", least=1)
+BITRATE: Final = SettingRule((int,), "a number such as 500000", least=1)
 _RESERVED: Final = {"self", "channel", "can_filters", "timing", "kwargs"}
 """Parameters of python-can that cannot be given in a url."""
 _DOCUMENTED: Final = re.compile(r":param (?:[^:]* )?(\w+):")
@@ -62,10 +62,10 @@ class CanPort(Port):
         self._bus: can.BusABC | PipeBus | None = None
         self._lock = -1
         self._text: SlcanText | None = None
-        self._waiting: list[Frame] = []
+        self._waiting: list[CanFrame] = []
 
     @classmethod
-    def parameters(cls, url: Url) -> Mapping[str, Rule]:
+    def parameters(cls, url: Url) -> Mapping[str, SettingRule]:
         """Return the rules of the parameters of python-can's interface."""
         interface = url.target.partition("/")[0]
         if interface == "pipe":
@@ -90,7 +90,7 @@ class CanPort(Port):
             raise LinkGone(f"{self.url.text} is closed")
         return self._bus
 
-    def send(self, frame: Frame) -> None:
+    def send(self, frame: CanFrame) -> None:
         """Send a frame. Raises BusTimeout when the adapter's buffer is full (no ACK on the bus?), LinkGone."""
         message = can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=False)
         try:
@@ -106,7 +106,7 @@ class CanPort(Port):
         self.bytes_written += frame.wire_bytes
         self._show(">", (frame,))
 
-    def receive(self, limit: int, deadline: float) -> list[Frame]:
+    def receive(self, limit: int, deadline: float) -> list[CanFrame]:
         """Wait for a frame until `deadline`, then return all that have arrived, at most `limit`.
 
         A deadline in the past still collects what has arrived. Raises LinkGone.
@@ -118,13 +118,13 @@ class CanPort(Port):
         self._show("<", frames)
         return frames
 
-    def _show(self, direction: str, frames: Sequence[Frame]) -> None:
+    def _show(self, direction: str, frames: Sequence[CanFrame]) -> None:
         if self.observer is not None:
             for frame in frames:
                 self.observer(direction, frame.id.to_bytes(2, "big") + frame.data)
 
-    def _receive(self, limit: int, pause: float) -> list[Frame]:
-        frames: list[Frame] = []
+    def _receive(self, limit: int, pause: float) -> list[CanFrame]:
+        frames: list[CanFrame] = []
         for _ in range(limit):
             message, damaged = self._next_message(pause)
             if damaged:
@@ -134,12 +134,12 @@ class CanPort(Port):
                 break
             pause = 0.0
             if _is_classic_data(message):
-                frame = Frame(message.arbitration_id, bytes(message.data))
+                frame = CanFrame(message.arbitration_id, bytes(message.data))
                 self.bytes_read += frame.wire_bytes
                 frames.append(frame)
         return frames
 
-    def _receive_text(self, limit: int, pause: float) -> list[Frame]:
+    def _receive_text(self, limit: int, pause: float) -> list[CanFrame]:
         bus = self._open_bus
         assert self._text is not None and isinstance(bus, can.BusABC)
         fd = bus.fileno()

@@ -10,7 +10,7 @@ Source: Lawicel CAN232 manual, version 3.
 
 from __future__ import annotations
 
-from urbihw.buses.can.frame import MOST_DATA, STANDARD_IDS, Frame
+from urbihw.buses.can.frame import MOST_DATA, STANDARD_IDS, CanFrame
 
 _LONGEST = 64
 """Longest line in bytes; longer ones do not come from an adapter."""
@@ -25,7 +25,7 @@ class SlcanText:
         self._damaged = 0
         self._rest = b""
 
-    def feed(self, data: bytes) -> list[Frame]:
+    def feed(self, data: bytes) -> list[CanFrame]:
         """Add bytes; return the frames that they complete."""
         *lines, rest = (self._rest + data).replace(b"\a", b"\r").split(b"\r")
         if len(rest) > _LONGEST:
@@ -47,7 +47,7 @@ class SlcanText:
         return damaged
 
 
-def _frame(line: bytes) -> Frame | None:
+def _frame(line: bytes) -> CanFrame | None:
     """Decode a line; None if it is not a frame."""
     if line[:1] != b"t":
         return None
@@ -58,4 +58,4 @@ def _frame(line: bytes) -> Frame | None:
         return None
     if not 0 <= identifier < STANDARD_IDS or not 0 <= length <= MOST_DATA or len(data) != length:
         return None
-    return Frame(identifier, data)
+    return CanFrame(identifier, data)

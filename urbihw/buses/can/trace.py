@@ -13,7 +13,7 @@ from typing import Any, Final
 from urbihw.buses.can import cia402
 from urbihw.buses.can.emergencies import emergency_text
 from urbihw.buses.can.frame import MOST_DATA, STANDARD_IDS
-from urbihw.buses.trace import Direction, FrameDecoder, Packet, hex_of
+from urbihw.buses.trace import Direction, FrameDecoder, TracedPacket, hex_of
 
 _NMT, _SYNC, _TIME, _SDO_ANSWER, _SDO_REQUEST, _HEARTBEAT = 0x000, 0x080, 0x100, 0x580, 0x600, 0x700
 _COMMANDS: Final = {1: "start", 2: "stop", 0x80: "pre-operational", 0x81: "reset node", 0x82: "reset communication"}
@@ -40,17 +40,17 @@ _RECEIVED: Final = cia402.RECEIVED | cia402.RECEIVED_TORQUE
 class CanopenDecoder(FrameDecoder):
     """Decodes the frames of a CANopen bus."""
 
-    def decode(self, time: float, direction: Direction, identifier: int, data: bytes) -> Packet:
+    def decode(self, time: float, direction: Direction, identifier: int, data: bytes) -> TracedPacket:
         """Return the packet of a frame."""
         raw = identifier.to_bytes(2, "big") + data
         if identifier >= STANDARD_IDS or len(data) > MOST_DATA:
-            return Packet(time, direction, "", "?", hex_of(data), problem="no frame of 11 bits", data=raw)
+            return TracedPacket(time, direction, "", "?", hex_of(data), problem="no frame of 11 bits", data=raw)
         node, base = identifier & 0x7F, identifier & 0x780
         device = str(node) if node else ""
         what, detail, problem = _content(base, node, data)
         if not what:
             what, problem = f"0x{identifier:03X}", "no identifier of CANopen"
-        return Packet(time, direction, device, what, detail, "ok", problem, raw)
+        return TracedPacket(time, direction, device, what, detail, "ok", problem, raw)
 
 
 def canopen(devices: Sequence[Mapping[str, Any]]) -> CanopenDecoder:

@@ -10,7 +10,7 @@ from urbihw.buses.errors import BadFrame, LinkGone
 from urbihw.buses.link import Link
 from urbihw.buses.qi import frames as f
 from urbihw.buses.qi.login import describe_stranger
-from urbihw.buses.qi.session import TIMEOUT_S, Call, Counters, Heard, first_line, unusable
+from urbihw.buses.qi.session import TIMEOUT_S, Heard, QiCall, QiCounters, first_line, unusable
 from urbihw.buses.qi.signatures import parse
 from urbihw.buses.qi.values import decode, encode
 
@@ -24,7 +24,7 @@ Address = tuple[int, int, int]
 
 
 @dataclass(frozen=True, eq=False)
-class Listener:
+class QiListener:
     """Who hears a signal; ``link`` is the number under which the first one registered it with the other side."""
 
     address: Address
@@ -33,7 +33,7 @@ class Listener:
     link: int
 
 
-class Connection:
+class QiConnection:
     """A link on which messages of QiMessaging go out and come in.
 
     Attributes:
@@ -42,14 +42,14 @@ class Connection:
         stranger: why the other side is no server of QiMessaging, "" as long as it may be one.
     """
 
-    def __init__(self, link: Link, counters: Counters) -> None:
+    def __init__(self, link: Link, counters: QiCounters) -> None:
         self.link = link
-        self.answer_call: Callable[[Connection, f.Message], None] = refuse_call
+        self.answer_call: Callable[[QiConnection, f.QiMessage], None] = refuse_call
         self.stranger = ""
         self._counters = counters
-        self._framer = f.Framer()
-        self._calls: dict[int, tuple[Call, Address, str]] = {}
-        self._listeners: dict[Address, list[Listener]] = {}
+        self._framer = f.QiFramer()
+        self._calls: dict[int, tuple[QiCall, Address, str]] = {}
+        self._listeners: dict[Address, list[QiListener]] = {}
         self._count = 0
 
     # ---------------------------------------------------------------- in
@@ -79,7 +79,7 @@ class Connection:
                 # Nothing that the other side sends may end the worker.
                 raise unusable(self.link.url.text, error) from error
 
-    def _handle_message(self, message: f.Message) -> None:
+    def _handle_message(self, message: f.QiMessage) -> None:
         if message.type == f.EVENT:
             self._dispatch_event(message)
         elif message.type in (f.REPLY, f.ERROR, f.CANCELLED):
@@ -87,7 +87,7 @@ class Connection:
         elif message.type in (f.CALL, f.POST, f.CANCEL):
             self.answer_call(self, message)
 
-    def _handle_answer(self, message: f.Message) -> None:
+    def _handle_answer(self, message: f.QiMessage) -> None:
         call, address, returns = self._calls.pop(message.id, (None, None, ""))
         if call is None:
             self._counters.late += 1
@@ -109,7 +109,7 @@ class Connection:
             problem = f"the answer cannot be read: {error}"
         call.finish(value, problem)
 
-    def _dispatch_event(self, message: f.Message) -> None:
+    def _dispatch_event(self, message: f.QiMessage) -> None:
         listeners = self._listeners.get((message.service, message.object, message.action))
         if not listeners:
             return
@@ -127,7 +127,7 @@ class Connection:
         """Send a message; return its number, a new one unless it answers another.  Raises LinkGone."""
         if number is None:
             number = self.next_number()
-        self.link.write(bytes(f.Message(kind, number, *address, payload)))
+        self.link.write(bytes(f.QiMessage(kind, number, *address, payload)))
         return number
 
     def next_number(self) -> int:
@@ -140,30 +140,30 @@ class Connection:
         address: Address,
         payload: bytes,
         returns: str,
-        then: Callable[[Call], None] | None = None,
+        then: Callable[[QiCall], None] | None = None,
         timeout: float = TIMEOUT_S,
-    ) -> Call:
+    ) -> QiCall:
         """Call an action by its number; ``timeout`` in seconds.  Raises LinkGone."""
         parse(returns)
-        call = Call(timeout, self.link.clock.now() + timeout, then)
+        call = QiCall(timeout, self.link.clock.now() + timeout, then)
         self._calls[self.send(f.CALL, address, payload)] = call, address, returns
         return call
 
-    def listen(self, address: Address, signature: str, heard: Heard) -> Listener:
+    def listen(self, address: Address, signature: str, heard: Heard) -> QiListener:
         """Call ``heard`` with the values of each event that comes from this address.  Raises LinkGone.
 
         An event does not tell for which subscription it was sent, so the other side gets one for all listeners.
         """
         listeners = self._listeners.setdefault(address, [])
         link = listeners[0].link if listeners else self.next_number()
-        listener = Listener(address, signature, heard, link)
+        listener = QiListener(address, signature, heard, link)
         listeners.append(listener)
         if len(listeners) == 1:
             service, object_, signal = address
             self.call((service, object_, REGISTER_EVENT), encode("(IIL)", (object_, signal, link)), "L")
         return listener
 
-    def stop_listening(self, listener: Listener) -> None:
+    def stop_listening(self, listener: QiListener) -> None:
         """End it; twice is fine.  Raises LinkGone."""
         listeners = self._listeners.get(listener.address, [])
         if listener not in listeners:
@@ -175,16 +175,16 @@ class Connection:
 
     # ---------------------------------------------------------------- the end of calls
 
-    def has(self, call: Call) -> bool:
+    def has(self, call: QiCall) -> bool:
         """Whether a call waits for its answer here."""
         return any(row[0] is call for row in self._calls.values())
 
-    def pop_overdue(self, now: float) -> list[Call]:
+    def pop_overdue(self, now: float) -> list[QiCall]:
         """Remove the calls whose deadline has passed, and return them."""
         late = [number for number, row in self._calls.items() if now > row[0].deadline]
         return [self._calls.pop(number)[0] for number in late]
 
-    def drop(self, call: Call) -> None:
+    def drop(self, call: QiCall) -> None:
         """Remove a call: an answer that still comes is late."""
         self._calls = {number: row for number, row in self._calls.items() if row[0] is not call}
 
@@ -196,7 +196,7 @@ class Connection:
             call.finish(error=reason)
 
 
-def refuse_call(connection: Connection, message: f.Message) -> None:
+def refuse_call(connection: QiConnection, message: f.QiMessage) -> None:
     """Answer a call of the other side where nothing is offered to it.  Raises LinkGone."""
     if message.type == f.CALL:
         address = message.service, message.object, message.action

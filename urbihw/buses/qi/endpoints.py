@@ -24,7 +24,7 @@ MOST_READ: Final = 32
 
 
 @dataclass(frozen=True)
-class Place:
+class ServicePlace:
     """Where a service is; the fields are those of a ServiceInfo."""
 
     name: str
@@ -34,7 +34,7 @@ class Place:
     endpoints: tuple[str, ...]
 
     @classmethod
-    def from_value(cls, value: Any) -> Place:
+    def from_value(cls, value: Any) -> ServicePlace:
         """The place in an answer of the directory.  Raises BadFrame for another form."""
         name, number, machine, process, endpoints = to_row(value, 5)[:5]
         return cls(
@@ -42,7 +42,7 @@ class Place:
             tuple([to_text(each) for each in to_row(endpoints)[:MOST_READ]]),
         )  # fmt: skip
 
-    def is_with(self, other: Place) -> bool:
+    def is_with(self, other: ServicePlace) -> bool:
         """Whether one connection reaches both: they are in one process, or share an end point."""
         if not self.endpoints or set(self.endpoints) & set(other.endpoints):
             return True

@@ -24,7 +24,7 @@ DYNAMIC: Final = 1
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
+class QiMessage:
     """A message; ``type`` is one of CALL ... CANCELLED."""
 
     type: int
@@ -42,7 +42,7 @@ class Message:
         return head + self.payload
 
 
-class Framer:
+class QiFramer:
     """Splits a stream into messages.
 
     Attributes:
@@ -53,14 +53,14 @@ class Framer:
         self.largest = largest
         self._buffer = bytearray()
 
-    def feed(self, data: bytes) -> list[Message]:
+    def feed(self, data: bytes) -> list[QiMessage]:
         """The messages that are complete with these bytes.
 
         Raises BadFrame at a header that is none: after it nothing in the stream can be believed.
         """
         buffer = self._buffer
         buffer += data
-        found: list[Message] = []
+        found: list[QiMessage] = []
         at = 0
         while len(buffer) - at >= HEADER.size:
             magic, number, size, version, kind, flags, service, object_, action = HEADER.unpack_from(buffer, at)
@@ -72,7 +72,7 @@ class Framer:
             if end > len(buffer):
                 break
             payload = bytes(buffer[at + HEADER.size : end])
-            found.append(Message(kind, number, service, object_, action, payload, flags))
+            found.append(QiMessage(kind, number, service, object_, action, payload, flags))
             at = end
         del buffer[:at]
         if not MAGIC.startswith(buffer[: len(MAGIC)]):

@@ -25,12 +25,12 @@ from typing import Any, Final
 
 from urbihw.buses.errors import BadValue, LinkGone, Unavailable
 from urbihw.buses.link import Port
-from urbihw.buses.listening import Listener
+from urbihw.buses.listening import BusListener
 from urbihw.buses.qi.login import Login
 from urbihw.buses.qi.login_guard import LoginGuard
 from urbihw.buses.qi.metaobject import MetaObject
 from urbihw.buses.qi.serving import ObjectServer, ServedMethod, ServedObject
-from urbihw.buses.qi.session import Call, Service, Session
+from urbihw.buses.qi.session import QiCall, QiService, QiSession
 from urbihw.buses.qi.signatures import parse
 from urbihw.buses.qi.visitors import QiVisitor
 from urbihw.buses.tcp import TcpLink
@@ -65,7 +65,7 @@ class EndPointSettings:
 
 
 @dataclass
-class _Entry:
+class _HostedObject:
     """An object: ``number`` is that of its service, 0 while it is not registered; ``known`` whether it ever was, so
     that a refusal is not the end."""
 
@@ -86,12 +86,12 @@ class Hosting:
 
     def __init__(self) -> None:
         self.settings = EndPointSettings()
-        self._entries: dict[str, _Entry] = {}
-        self._session: Session | None = None
+        self._entries: dict[str, _HostedObject] = {}
+        self._session: QiSession | None = None
         self._port: Port
         self.guard: LoginGuard
         self._server: ObjectServer
-        self._listener: Listener | None = None
+        self._listener: BusListener | None = None
         self._refusal = ""
 
     # ---------------------------------------------------------------- objects
@@ -112,7 +112,7 @@ class Hosting:
         served = ServedObject(name, description, methods)
         entry = self._entries.get(name)
         if entry is None:
-            entry = self._entries[name] = _Entry(served, then, known=insist)
+            entry = self._entries[name] = _HostedObject(served, then, known=insist)
             self._register(entry)
             return
         entry.served = served
@@ -132,7 +132,7 @@ class Hosting:
 
     # ---------------------------------------------------------------- the session
 
-    def begin(self, session: Session, port: Port) -> None:
+    def begin(self, session: QiSession, port: Port) -> None:
         """Use this session from now on, and register all objects.  Raises LinkGone."""
         self._session, self._port = session, port
         self.guard = LoginGuard(port.clock.now)
@@ -176,7 +176,7 @@ class Hosting:
 
     # ---------------------------------------------------------------- registering
 
-    def _register(self, entry: _Entry) -> None:
+    def _register(self, entry: _HostedObject) -> None:
         entry.retry_at = None
         session = self._session
         if session is None:
@@ -190,7 +190,7 @@ class Hosting:
         except (Unavailable, BadValue) as error:
             self._refused(entry, str(error))
 
-    def _describe(self, session: Session, directory: Service, name: str) -> tuple[Any, ...]:
+    def _describe(self, session: QiSession, directory: QiService, name: str) -> tuple[Any, ...]:
         """The ServiceInfo of a new service."""
         local = self._is_local()
         machine = session.wait(session.call(directory, "machineId")) if local else str(own_machine_id())
@@ -198,7 +198,7 @@ class Hosting:
         # Since libqi 4 an identifier of the object follows.
         return info + ("",) * (_count_of_fields(directory.meta) - len(info))
 
-    def _registered(self, session: Session, entry: _Entry, call: Call) -> None:
+    def _registered(self, session: QiSession, entry: _HostedObject, call: QiCall) -> None:
         if self._session is not session:
             return
         if call.error:
@@ -213,7 +213,7 @@ class Hosting:
         self._server.objects[number] = entry.served
         session.call(session.look_up(DIRECTORY), "serviceReady", number, then=lambda _: self._tell(entry, ""))
 
-    def _refused(self, entry: _Entry, problem: str) -> None:
+    def _refused(self, entry: _HostedObject, problem: str) -> None:
         if entry.known:
             entry.retry_at = self._port.clock.now() + RETRY_S
             return
@@ -223,7 +223,7 @@ class Hosting:
             self._close_end_point()
         self._tell(entry, problem)
 
-    def _tell(self, entry: _Entry, problem: str) -> None:
+    def _tell(self, entry: _HostedObject, problem: str) -> None:
         then, entry.then = entry.then, ignore_outcome
         then(problem)
 
@@ -252,7 +252,7 @@ class Hosting:
             def welcome(now: float, address: str) -> QiVisitor:
                 return QiVisitor(server, now, address, self.guard, self.settings.login)
 
-            self._listener = Listener(wanted.host or self._host(), wanted.port, welcome)
+            self._listener = BusListener(wanted.host or self._host(), wanted.port, welcome)
         host = self._listener.host
         shown = self._host() if ipaddress.ip_address(host).is_unspecified else host
         return [f"tcp://{shown}:{self._listener.port}"]

@@ -37,11 +37,11 @@ from urbihw.buses.qi.metaobject import MetaObject
 from urbihw.buses.qi.opening import SessionPort
 from urbihw.buses.qi.session import (
     TIMEOUT_S,
-    Call,
     Heard,
-    Service,
-    Session,
-    Subscription,
+    QiCall,
+    QiService,
+    QiSession,
+    QiSubscription,
     find_member,
     first_line,
     no_such_signal,
@@ -49,7 +49,7 @@ from urbihw.buses.qi.session import (
 )
 from urbihw.buses.qi.signatures import Type, parse
 from urbihw.extras import install_command
-from urbihw.settings import Rule
+from urbihw.settings import SettingRule
 
 CLOSE_S: Final = 2.0
 """Seconds for libqi to close its session."""
@@ -70,7 +70,7 @@ class LibqiPort(SessionPort):
         self._session: Any = None
 
     @classmethod
-    def parameters(cls, url: Url) -> Mapping[str, Rule]:
+    def parameters(cls, url: Url) -> Mapping[str, SettingRule]:
         """Return no rules: there are no parameters."""
         return {}
 
@@ -91,7 +91,7 @@ class LibqiPort(SessionPort):
         session, self._session = self._session, None
         session.close(_async=True).wait(round(CLOSE_S * 1000))
 
-    def make_session(self) -> Session:
+    def make_session(self) -> QiSession:
         """The session over the open port."""
         return LibqiSession(self, self._session)
 
@@ -104,7 +104,7 @@ class LibqisPort(LibqiPort):
     warning = "encrypted, but libqi does not verify the certificate of the robot; qis:// can pin it"
 
 
-class LibqiSession(Session):
+class LibqiSession(QiSession):
     """A session over ``session``, that of libqi which ``port`` has made."""
 
     def __init__(self, port: LibqiPort, session: Any) -> None:
@@ -112,14 +112,14 @@ class LibqiSession(Session):
         self._port = port
         self._session = session
         self._news: SimpleQueue[Callable[[], None]] = SimpleQueue()
-        self._calls: dict[Call, Any] = {}
-        self._services: dict[str, Service] = {}
+        self._calls: dict[QiCall, Any] = {}
+        self._services: dict[str, QiService] = {}
         self._objects: dict[str, Any] = {}
-        self._listening: set[Subscription] = set()
+        self._listening: set[QiSubscription] = set()
 
     # ---------------------------------------------------------------- in and out
 
-    def _receive(self, deadline: float, call: Call | None) -> None:
+    def _receive(self, deadline: float, call: QiCall | None) -> None:
         pause = deadline - self._clock.now()
         try:
             work = self._news.get(timeout=pause) if pause > 0 else self._news.get_nowait()
@@ -140,19 +140,19 @@ class LibqiSession(Session):
     def _follow(
         self,
         future: Any,
-        then: Callable[[Call], None] | None = None,
+        then: Callable[[QiCall], None] | None = None,
         timeout: float = TIMEOUT_S,
         returns: Type = DYNAMIC,
-    ) -> Call:
+    ) -> QiCall:
         """The call that a future of libqi answers, with a value of the type ``returns``."""
-        call = Call(timeout, self._clock.now() + timeout, then)
+        call = QiCall(timeout, self._clock.now() + timeout, then)
         self._calls[call] = future
         news = self._news
         # Called on a thread of libqi, or here at once if the future is ready.
         future.addCallback(lambda ready: news.put(lambda: self._handle_answer(call, ready, returns)))
         return call
 
-    def _handle_answer(self, call: Call, future: Any, returns: Type) -> None:
+    def _handle_answer(self, call: QiCall, future: Any, returns: Type) -> None:
         if self._calls.pop(call, None) is None:
             self.counters.late += 1
             return
@@ -171,13 +171,13 @@ class LibqiSession(Session):
     def _handle_disconnection(self) -> None:
         raise self._gone()
 
-    def _pop_overdue(self, now: float) -> list[Call]:
+    def _pop_overdue(self, now: float) -> list[QiCall]:
         late = [call for call in self._calls if now > call.deadline]
         for call in late:
             del self._calls[call]
         return late
 
-    def _drop(self, call: Call) -> None:
+    def _drop(self, call: QiCall) -> None:
         self._calls.pop(call, None)
 
     def close(self, reason: str) -> None:
@@ -212,7 +212,7 @@ class LibqiSession(Session):
             raise Unavailable(errno.EACCES, self._describe_failure(call, refusals))
         self._session.disconnected.connect(lambda _: news.put(self._handle_disconnection))
 
-    def _describe_failure(self, call: Call, refusals: list[int]) -> str:
+    def _describe_failure(self, call: QiCall, refusals: list[int]) -> str:
         where = self._port.url.text
         if refusals and refusals[0] == AUTH_CONTINUE:
             return f"{where}: the robot wants more than a user and a password; qi:// can keep a token for it"
@@ -230,7 +230,7 @@ class LibqiSession(Session):
         found = self.wait(self._follow(self._session.services(_async=True)))
         return sorted(row["name"] for row in to_row(found) if is_name(row["name"]))
 
-    def look_up(self, name: str) -> Service:
+    def look_up(self, name: str) -> QiService:
         """Find a service, and what it offers; both are remembered.  Raises Unavailable, LinkGone."""
         if name not in self._services:
             found = self.wait(self._follow(self._session.service(name, _async=True)))
@@ -239,19 +239,19 @@ class LibqiSession(Session):
             except (BadFrame, AttributeError) as error:
                 raise Unavailable(errno.EPROTO, f"{show_text(name)} does not tell what it offers: {error}") from error
             self._objects[name] = found
-            self._services[name] = Service(name, 0, meta)
+            self._services[name] = QiService(name, 0, meta)
         return self._services[name]
 
     # ---------------------------------------------------------------- services
 
-    def _object(self, service: Service) -> Any:
+    def _object(self, service: QiService) -> Any:
         """libqi's object of a service.  Raises LinkGone."""
         found = self._objects.get(service.name)
         if found is None or not self._session.isConnected():
             raise self._gone()
         return found
 
-    def _send(self, service: Service, name: str, arguments: tuple[Any, ...]) -> tuple[Any, Type]:
+    def _send(self, service: QiService, name: str, arguments: tuple[Any, ...]) -> tuple[Any, Type]:
         """Call a method; return the future of libqi and the type of its value.  Raises BadValue, LinkGone."""
         method = service.meta.choose(service.name, name, arguments)
         parts = parse(method.parameters).parts
@@ -264,37 +264,39 @@ class LibqiSession(Session):
 
     def call(
         self,
-        service: Service,
+        service: QiService,
         name: str,
         *arguments: Any,
-        then: Callable[[Call], None] | None = None,
+        then: Callable[[QiCall], None] | None = None,
         timeout: float = TIMEOUT_S,
-    ) -> Call:
+    ) -> QiCall:
         """Call a method; ``then`` gets the outcome.  Raises BadValue, LinkGone."""
         future, returns = self._send(service, name, arguments)
         return self._follow(future, then, timeout, returns)
 
-    def post(self, service: Service, name: str, *arguments: Any) -> None:
+    def post(self, service: QiService, name: str, *arguments: Any) -> None:
         """Call a method and drop the answer, which libqi gets all the same.  Raises BadValue, LinkGone."""
         self._send(service, name, arguments)
 
-    def get_property(self, service: Service, name: str, then: Callable[[Call], None] | None = None) -> Call:
+    def get_property(self, service: QiService, name: str, then: Callable[[QiCall], None] | None = None) -> QiCall:
         """Read a property.  Raises BadValue, LinkGone."""
         find_member(service, "property", service.meta.properties, name)
         return self._follow(self._object(service).call("property::(m)", name, _async=True), then)
 
-    def set_property(self, service: Service, name: str, value: Any, then: Callable[[Call], None] | None = None) -> Call:
+    def set_property(
+        self, service: QiService, name: str, value: Any, then: Callable[[QiCall], None] | None = None
+    ) -> QiCall:
         """Write a property.  Raises BadValue, LinkGone."""
         find_member(service, "property", service.meta.properties, name)
         word = to_libqi(parse("m"), value, 0)
         return self._follow(self._object(service).call("setProperty::(mm)", name, word, _async=True), then)
 
-    def listen(self, service: Service, name: str, heard: Heard) -> Subscription:
+    def listen(self, service: QiService, name: str, heard: Heard) -> QiSubscription:
         """Call ``heard`` with the values of each signal from now on.  Raises BadValue, LinkGone."""
         find_member(service, "signal", service.meta.signals, name)
         return self._listen(self._object(service), name, heard)
 
-    def listen_to_object(self, found: Any, name: str, heard: Heard) -> Subscription:
+    def listen_to_object(self, found: Any, name: str, heard: Heard) -> QiSubscription:
         """Listen to an object that a method has returned.  Raises BadValue, LinkGone."""
         try:
             signals = MetaObject.from_value(meta_value(found.metaObject())).signals
@@ -304,7 +306,7 @@ class LibqiSession(Session):
             raise no_such_signal(name)
         return self._listen(found, name, heard)
 
-    def _listen(self, found: Any, name: str, heard: Heard) -> Subscription:
+    def _listen(self, found: Any, name: str, heard: Heard) -> QiSubscription:
         news, listening = self._news, self._listening
         signal = getattr(found, name)
 
@@ -314,11 +316,11 @@ class LibqiSession(Session):
 
         # Called on a thread of libqi.
         future = signal.connect(lambda *values: news.put(lambda: deliver(values)), _async=True)
-        made = Subscription((signal, future))
+        made = QiSubscription((signal, future))
         listening.add(made)
         return made
 
-    def stop_listening(self, subscription: Subscription) -> None:
+    def stop_listening(self, subscription: QiSubscription) -> None:
         """End a subscription; twice is fine.  Raises LinkGone."""
         if subscription not in self._listening:
             return

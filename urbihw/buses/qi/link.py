@@ -21,7 +21,7 @@ from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
 from urbihw.buses.link import Context, Url
 from urbihw.buses.qi.login import describe_closed_port
 from urbihw.buses.tcp import TcpLink
-from urbihw.settings import TEXT, Rule
+from urbihw.settings import TEXT, SettingRule
 
 PORT: Final = 9559
 TLS_PORT: Final = 9503
@@ -54,7 +54,7 @@ class QiLink(TcpLink):
         self.baud = LINE_BITS
 
     @classmethod
-    def parameters(cls, url: Url) -> Mapping[str, Rule]:
+    def parameters(cls, url: Url) -> Mapping[str, SettingRule]:
         """Return no rules: there are no parameters."""
         return {}
 
@@ -88,7 +88,7 @@ class QisLink(QiLink):
         self._tls: ssl.SSLObject | None = None
 
     @classmethod
-    def parameters(cls, url: Url) -> Mapping[str, Rule]:
+    def parameters(cls, url: Url) -> Mapping[str, SettingRule]:
         """Return the rules of ``fingerprint`` and ``ca``."""
         return {"fingerprint": TEXT, "ca": TEXT}
 

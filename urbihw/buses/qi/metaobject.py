@@ -31,7 +31,7 @@ class Method:
 
 
 @dataclass(frozen=True, slots=True)
-class Signal:
+class QiSignal:
     """A signal or property of a service; a signal's signature is that of all its values together."""
 
     uid: int
@@ -44,8 +44,8 @@ class MetaObject:
     """What an object offers: methods by name, each a list of overloads; signals and properties by name."""
 
     methods: Mapping[str, Sequence[Method]]
-    signals: Mapping[str, Signal]
-    properties: Mapping[str, Signal]
+    signals: Mapping[str, QiSignal]
+    properties: Mapping[str, QiSignal]
 
     @classmethod
     def from_value(cls, value: Any) -> Self:
@@ -86,9 +86,9 @@ def _rows(value: Any) -> Iterable[Any]:
     return value.values()
 
 
-def _to_signals(value: Any) -> dict[str, Signal]:
+def _to_signals(value: Any) -> dict[str, QiSignal]:
     rows = [to_row(row, 3)[:3] for row in _rows(value)]
-    return {name: Signal(_to_number(uid), name, sign) for uid, name, sign in rows if is_name(name) and _is_type(sign)}
+    return {name: QiSignal(_to_number(uid), name, sign) for uid, name, sign in rows if is_name(name) and _is_type(sign)}
 
 
 def _to_number(uid: Any) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from urbihw import buses
 from urbihw.buses.link import Context, Link, Port, byte_link
-from urbihw.buses.qi.session import Session
+from urbihw.buses.qi.session import QiSession
 from urbihw.buses.qi.wire_session import OTHER_TIMEOUT_S, WireSession
 from urbihw.buses.tcp import TcpLink
 
@@ -12,12 +12,12 @@ from urbihw.buses.tcp import TcpLink
 class SessionPort(Port):
     """A port that moves no bytes but has a session of its own."""
 
-    def make_session(self) -> Session:
+    def make_session(self) -> QiSession:
         """The session over the open port."""
         raise NotImplementedError
 
 
-def open_session(port: Port) -> Session:
+def open_session(port: Port) -> QiSession:
     """The session over an open port, not yet logged in.  Raises BadUrl for a port that can have none."""
     if isinstance(port, SessionPort):
         return port.make_session()

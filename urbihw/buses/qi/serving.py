@@ -176,7 +176,7 @@ class ObjectServer:
 
     # ---------------------------------------------------------------- messages
 
-    def answer_call(self, caller: Caller, message: f.Message) -> None:
+    def answer_call(self, caller: Caller, message: f.QiMessage) -> None:
         """Handle a call, post or cancellation.  Raises LinkGone when the caller's link is the one to the robot."""
         if message.type == f.CANCEL:
             self._cancel(caller, message)
@@ -186,7 +186,7 @@ class ObjectServer:
         except (BadFrame, BadValue) as error:
             self._refuse(caller, message, str(error))
 
-    def _answer(self, caller: Caller, message: f.Message) -> None:
+    def _answer(self, caller: Caller, message: f.QiMessage) -> None:
         served = self.objects.get(message.service)
         if served is None or message.object not in (0, MAIN):
             raise BadValue(f"there is no object {message.object} of a service {message.service} here")
@@ -203,7 +203,7 @@ class ObjectServer:
                 raise BadValue(f"{served.name}.{method.name}: the arguments are no list")
             self._run(caller, message, method, arguments)
 
-    def _run(self, caller: Caller, message: f.Message, method: ServedMethod, arguments: Sequence[Any]) -> None:
+    def _run(self, caller: Caller, message: f.QiMessage, method: ServedMethod, arguments: Sequence[Any]) -> None:
         def finish(value: Any, error: str) -> None:
             if message.type != f.CALL:
                 return
@@ -219,11 +219,11 @@ class ObjectServer:
 
         self.start_call(caller, method, arguments, finish, message.id if message.type == f.CALL else None)
 
-    def _reply(self, caller: Caller, message: f.Message, payload: bytes) -> None:
+    def _reply(self, caller: Caller, message: f.QiMessage, payload: bytes) -> None:
         if message.type == f.CALL:
             caller.send(f.REPLY, _address(message), payload, message.id)
 
-    def _refuse(self, caller: Caller, message: f.Message, error: str) -> None:
+    def _refuse(self, caller: Caller, message: f.QiMessage, error: str) -> None:
         if message.type == f.CALL:
             caller.send(f.ERROR, _address(message), encode("m", shorten_error(error)), message.id)
 
@@ -282,7 +282,7 @@ class ObjectServer:
         for each in pending:
             each.call.cancel()
 
-    def _cancel(self, caller: Caller, message: f.Message) -> None:
+    def _cancel(self, caller: Caller, message: f.QiMessage) -> None:
         try:
             number = decode("I", message.payload)
         except BadFrame:
@@ -297,5 +297,5 @@ def shorten_error(error: str) -> str:
     return one_line(error[:LONGEST_ERROR])[:LONGEST_ERROR]
 
 
-def _address(message: f.Message) -> Address:
+def _address(message: f.QiMessage) -> Address:
     return message.service, message.object, message.action

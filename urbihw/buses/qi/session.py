@@ -19,10 +19,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from urbihw.buses.clock import Clock
+from urbihw.buses.clock import BusClock
 from urbihw.buses.errors import BadValue, LinkGone, Unavailable
 from urbihw.buses.qi.checked import LONGEST_SHOWN, describe_error, show_text
-from urbihw.buses.qi.frames import Message
+from urbihw.buses.qi.frames import QiMessage
 from urbihw.buses.qi.login import Login
 from urbihw.buses.qi.metaobject import MetaObject
 from urbihw.buses.qi.serving import Caller
@@ -34,7 +34,7 @@ Heard = Callable[[tuple[Any, ...]], None]
 
 
 @dataclass(eq=False)
-class Call:
+class QiCall:
     """A call under way, and its outcome: ``value``, or ``error`` in one line.
 
     Attributes:
@@ -44,7 +44,7 @@ class Call:
 
     timeout: float
     deadline: float
-    then: Callable[[Call], None] | None = None
+    then: Callable[[QiCall], None] | None = None
     done: bool = False
     value: Any = None
     error: str = ""
@@ -57,7 +57,7 @@ class Call:
 
 
 @dataclass(frozen=True)
-class Service:
+class QiService:
     """A service that was looked up: its name, its number in the directory, what it offers."""
 
     name: str
@@ -66,14 +66,14 @@ class Service:
 
 
 @dataclass(frozen=True, eq=False)
-class Subscription:
+class QiSubscription:
     """A signal that is listened to; ``handle`` is the back end's."""
 
     handle: Any
 
 
 @dataclass
-class Counters:
+class QiCounters:
     """What went wrong since the session began."""
 
     timeouts: int = 0
@@ -82,15 +82,15 @@ class Counters:
     late: int = 0
 
 
-class Session(ABC):
+class QiSession(ABC):
     """Base of the back ends: a connection to the services of a robot, polled by its owner.
 
     Attributes:
         counters: what went wrong so far.
     """
 
-    def __init__(self, clock: Clock) -> None:
-        self.counters = Counters()
+    def __init__(self, clock: BusClock) -> None:
+        self.counters = QiCounters()
         self._clock = clock
 
     # ---------------------------------------------------------------- in and out
@@ -102,7 +102,7 @@ class Session(ABC):
         for call in self._pop_overdue(now):
             self._expire(call)
 
-    def wait(self, call: Call) -> Any:
+    def wait(self, call: QiCall) -> Any:
         """Wait until a call is answered; return its value.  Raises Unavailable for an error or no answer, LinkGone."""
         while not call.done:
             self._receive(call.deadline, call)
@@ -113,23 +113,23 @@ class Session(ABC):
             raise Unavailable(errno.EPROTO, call.error)
         return call.value
 
-    def _expire(self, call: Call) -> None:
+    def _expire(self, call: QiCall) -> None:
         self.counters.timeouts += 1
         call.finish(error=f"NAOqi did not answer in {call.timeout:g} s")
 
     @abstractmethod
-    def _receive(self, deadline: float, call: Call | None) -> None:
+    def _receive(self, deadline: float, call: QiCall | None) -> None:
         """Handle what has arrived; if that is nothing, wait until the deadline for what belongs to ``call``.
 
         Raises LinkGone.
         """
 
     @abstractmethod
-    def _pop_overdue(self, now: float) -> list[Call]:
+    def _pop_overdue(self, now: float) -> list[QiCall]:
         """Remove the calls whose deadline has passed, and return them."""
 
     @abstractmethod
-    def _drop(self, call: Call) -> None:
+    def _drop(self, call: QiCall) -> None:
         """Remove a call: an answer that still comes is late."""
 
     @abstractmethod
@@ -147,7 +147,7 @@ class Session(ABC):
         """The services that there are, sorted.  Raises Unavailable, BadFrame, LinkGone."""
 
     @abstractmethod
-    def look_up(self, name: str) -> Service:
+    def look_up(self, name: str) -> QiService:
         """Find a service, and what it offers; both are remembered.  Raises Unavailable, LinkGone."""
 
     # ---------------------------------------------------------------- services
@@ -155,49 +155,51 @@ class Session(ABC):
     @abstractmethod
     def call(
         self,
-        service: Service,
+        service: QiService,
         name: str,
         *arguments: Any,
-        then: Callable[[Call], None] | None = None,
+        then: Callable[[QiCall], None] | None = None,
         timeout: float = TIMEOUT_S,
-    ) -> Call:
+    ) -> QiCall:
         """Call a method; ``then`` gets the outcome.  Raises BadValue (no such method, wrong arguments), LinkGone."""
 
     @abstractmethod
-    def post(self, service: Service, name: str, *arguments: Any) -> None:
+    def post(self, service: QiService, name: str, *arguments: Any) -> None:
         """Call a method and want no answer.  Raises BadValue, LinkGone."""
 
     @abstractmethod
-    def get_property(self, service: Service, name: str, then: Callable[[Call], None] | None = None) -> Call:
+    def get_property(self, service: QiService, name: str, then: Callable[[QiCall], None] | None = None) -> QiCall:
         """Read a property.  Raises BadValue, LinkGone."""
 
     @abstractmethod
-    def set_property(self, service: Service, name: str, value: Any, then: Callable[[Call], None] | None = None) -> Call:
+    def set_property(
+        self, service: QiService, name: str, value: Any, then: Callable[[QiCall], None] | None = None
+    ) -> QiCall:
         """Write a property.  Raises BadValue, LinkGone."""
 
     @abstractmethod
-    def listen(self, service: Service, name: str, heard: Heard) -> Subscription:
+    def listen(self, service: QiService, name: str, heard: Heard) -> QiSubscription:
         """Call ``heard`` with the values of each signal from now on.  Raises BadValue, LinkGone."""
 
     @abstractmethod
-    def listen_to_object(self, found: Any, name: str, heard: Heard) -> Subscription:
+    def listen_to_object(self, found: Any, name: str, heard: Heard) -> QiSubscription:
         """The same of an object that a method has returned, such as a subscriber of ALMemory.
 
         Raises BadValue, LinkGone.
         """
 
     @abstractmethod
-    def stop_listening(self, subscription: Subscription) -> None:
+    def stop_listening(self, subscription: QiSubscription) -> None:
         """End a subscription; twice is fine.  Raises LinkGone."""
 
     # ---------------------------------------------------------------- objects of ours
 
-    def serve_calls(self, answer: Callable[[Caller, Message], None]) -> None:
+    def serve_calls(self, answer: Callable[[Caller, QiMessage], None]) -> None:
         """Give calls of the other side to ``answer``, which no back end but ours can.  Raises Unavailable."""
         raise Unavailable(errno.ENOTSUP, "objects can be offered to NAOqi over qi:// and qis:// only")
 
 
-def find_member(service: Service, kind: str, members: Mapping[str, Any], name: str) -> Any:
+def find_member(service: QiService, kind: str, members: Mapping[str, Any], name: str) -> Any:
     """The signal or property of this name.  Raises BadValue, naming what there is."""
     if name not in members:
         known = show_text(", ".join(sorted(members)) or "none")

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from urbihw.buses.qi.frames import CALL, CANCELLED, ERROR, HEADER, LARGEST, MAGIC
-from urbihw.buses.trace import Cut, Direction, Packet, StreamDecoder
+from urbihw.buses.trace import Cut, Direction, StreamDecoder, TracedPacket
 
 _TYPES: Final = ("call", "reply", "error", "post", "event", "capability", "cancel", "cancelled")
 _SERVICES: Final = {0: "server", 1: "service directory"}
@@ -32,13 +32,13 @@ class QiDecoder(StreamDecoder):
             return Cut(len(MAGIC), noise=True)
         return Cut(HEADER.size + size) if len(data) >= HEADER.size + size else None
 
-    def decode(self, time: float, direction: Direction, data: bytes) -> list[Packet]:
+    def decode(self, time: float, direction: Direction, data: bytes) -> list[TracedPacket]:
         """Return the packet of a message."""
         _, number, size, _, kind, flags, service, object_, action = HEADER.unpack_from(data)
         who = _SERVICES.get(service, f"service {service}")
         detail = f"id {number}, object {object_}, action {action}, {size} bytes" + (", dynamic" if flags & 1 else "")
         problem = "the call failed" if kind == ERROR else ""
-        return [Packet(time, direction, who, _TYPES[kind - 1], detail, problem=problem, data=data[: HEADER.size])]
+        return [TracedPacket(time, direction, who, _TYPES[kind - 1], detail, problem=problem, data=data[: HEADER.size])]
 
 
 def qi(devices: Sequence[Mapping[str, Any]]) -> QiDecoder:

@@ -30,7 +30,7 @@ _OBJECT: Final = parse(f"({META_OBJECT}II)")
 # ---------------------------------------------------------------- reading
 
 
-class Reader:
+class QiValueReader:
     """Reads values from the bytes of a message; ``at`` is where the next one begins."""
 
     def __init__(self, data: bytes, elements: int | None = None) -> None:
@@ -120,7 +120,7 @@ def _key(value: Any) -> Any:
 def decode(signature: str, data: bytes, elements: int | None = None) -> Any:
     """The value of a message of at most so many elements (see ``Reader``).  Bytes behind it are left alone: newer
     servers add fields.  Raises BadFrame."""
-    return Reader(data, elements).read(parse(signature))
+    return QiValueReader(data, elements).read(parse(signature))
 
 
 # ---------------------------------------------------------------- writing

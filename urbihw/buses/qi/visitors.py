@@ -44,8 +44,8 @@ class QiVisitor(Visitor):
         self._address, self._guard = address, guard
         self._login = login if login is not None else Login()
         self._allowed = False
-        self._framer = f.Framer(LARGEST_LOGIN)
-        self._messages: deque[f.Message] = deque()
+        self._framer = f.QiFramer(LARGEST_LOGIN)
+        self._messages: deque[f.QiMessage] = deque()
 
     # ---------------------------------------------------------------- in
 
@@ -73,7 +73,7 @@ class QiVisitor(Visitor):
         """The connection is closed."""
         self._server.drop_caller(self)
 
-    def _handle(self, message: f.Message) -> None:
+    def _handle(self, message: f.QiMessage) -> None:
         if message.type not in (f.CALL, f.POST, f.CANCEL):
             return
         if message.service == SERVER:
@@ -84,7 +84,7 @@ class QiVisitor(Visitor):
             self._say(f.ERROR, message, encode("m", "log in first"))
             self.closing = True
 
-    def _log_in(self, message: f.Message) -> None:
+    def _log_in(self, message: f.QiMessage) -> None:
         try:
             words = decode("{sm}", message.payload, MOST_WORDS)
         except BadFrame:
@@ -112,10 +112,10 @@ class QiVisitor(Visitor):
 
     # ---------------------------------------------------------------- out
 
-    def _say(self, kind: int, message: f.Message, payload: bytes) -> None:
+    def _say(self, kind: int, message: f.QiMessage, payload: bytes) -> None:
         self.send(kind, (message.service, message.object, message.action), payload, message.id)
 
     def send(self, kind: int, address: Address, payload: bytes, number: int | None = None) -> int:
         """See `serving.Caller`; it goes out with the next look at the connection."""
-        self.write(bytes(f.Message(kind, number or 0, *address, payload)))
+        self.write(bytes(f.QiMessage(kind, number or 0, *address, payload)))
         return number or 0

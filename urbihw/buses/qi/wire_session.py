@@ -16,8 +16,8 @@ from urbihw.buses.errors import BadFrame, BadUrl, BadValue, BusError, LinkGone, 
 from urbihw.buses.link import Link
 from urbihw.buses.qi import frames as f
 from urbihw.buses.qi.checked import is_name, show_text, to_row, to_whole
-from urbihw.buses.qi.connection import Connection, Listener
-from urbihw.buses.qi.endpoints import Place
+from urbihw.buses.qi.connection import QiConnection, QiListener
+from urbihw.buses.qi.endpoints import ServicePlace
 from urbihw.buses.qi.login import (
     AUTH_CONTINUE,
     AUTH_DONE,
@@ -35,11 +35,11 @@ from urbihw.buses.qi.metatype import META_OBJECT
 from urbihw.buses.qi.serving import Caller
 from urbihw.buses.qi.session import (
     TIMEOUT_S,
-    Call,
     Heard,
-    Service,
-    Session,
-    Subscription,
+    QiCall,
+    QiService,
+    QiSession,
+    QiSubscription,
     find_member,
     no_such_signal,
 )
@@ -61,7 +61,7 @@ PROBE_S: Final = 1.0
 """Seconds for a server that did not understand the login to answer an empty line."""
 
 
-class WireSession(Session):
+class WireSession(QiSession):
     """A session in QiMessaging of our own.
 
     ``link`` leads to the ServiceDirectory at the address ``robot`` and stays its owner's; ``open_link`` opens links to
@@ -70,20 +70,20 @@ class WireSession(Session):
 
     def __init__(self, link: Link, open_link: Callable[[str], Link], robot: str) -> None:
         super().__init__(link.clock)
-        self._main = Connection(link, self.counters)
+        self._main = QiConnection(link, self.counters)
         self._robot = robot
         self._open_link = open_link
         self._login = Login()
-        self._others: dict[str, Connection] = {}
+        self._others: dict[str, QiConnection] = {}
         self._unreachable: dict[str, tuple[float, str]] = {}
-        self._homes: dict[int, Connection] = {}
+        self._homes: dict[int, QiConnection] = {}
         self._gone: set[int] = set()
-        self._services: dict[str, Service] = {}
-        self._directory_place: Place | None = None
+        self._services: dict[str, QiService] = {}
+        self._directory_place: ServicePlace | None = None
 
     # ---------------------------------------------------------------- in and out
 
-    def _receive(self, deadline: float, call: Call | None) -> None:
+    def _receive(self, deadline: float, call: QiCall | None) -> None:
         awaited = next((each for each in self._others.values() if call is not None and each.has(call)), self._main)
         for url, connection in list(self._others.items()):
             try:
@@ -102,10 +102,10 @@ class WireSession(Session):
         self._services = {name: each for name, each in self._services.items() if each.number not in lost}
         connection.fail_all(reason)
 
-    def _pop_overdue(self, now: float) -> list[Call]:
+    def _pop_overdue(self, now: float) -> list[QiCall]:
         return [call for each in (self._main, *self._others.values()) for call in each.pop_overdue(now)]
 
-    def _drop(self, call: Call) -> None:
+    def _drop(self, call: QiCall) -> None:
         for connection in (self._main, *self._others.values()):
             connection.drop(call)
 
@@ -123,7 +123,7 @@ class WireSession(Session):
         self._login = login if login is not None else Login()
         self._authenticate(self._main, TIMEOUT_S)
 
-    def _authenticate(self, connection: Connection, timeout: float) -> None:
+    def _authenticate(self, connection: QiConnection, timeout: float) -> None:
         where = connection.link.url.text
         found = self._ask_to_enter(connection, self._login.words(), timeout)
         if found.get(AUTH_STATE) == AUTH_CONTINUE and isinstance(found.get(NEW_TOKEN), str):
@@ -135,7 +135,7 @@ class WireSession(Session):
         if state != AUTH_DONE:
             raise Unavailable(errno.EACCES, f"{where}: {REFUSED}")
 
-    def _ask_to_enter(self, connection: Connection, words: dict[str, Any], timeout: float) -> dict[str, Any]:
+    def _ask_to_enter(self, connection: QiConnection, words: dict[str, Any], timeout: float) -> dict[str, Any]:
         """Send credentials; return the answer, or say what it is that does not give one.  Raises Unavailable."""
         where = connection.link.url.text
         try:
@@ -153,7 +153,7 @@ class WireSession(Session):
             raise Unavailable(errno.EACCES, f"{where}: {why} ({call.error})")
         return found if isinstance(found, dict) else {AUTH_STATE: AUTH_ERROR}
 
-    def _wait_on(self, connection: Connection, call: Call) -> Any:
+    def _wait_on(self, connection: QiConnection, call: QiCall) -> Any:
         while not call.done and self._clock.now() < call.deadline:
             connection.receive(call.deadline)
         return call.value
@@ -163,7 +163,7 @@ class WireSession(Session):
         rows = to_row(self.wait(self.call(self._directory(), "services")))
         return sorted(name for name in (to_row(row, 1)[0] for row in rows) if is_name(name))
 
-    def look_up(self, name: str) -> Service:
+    def look_up(self, name: str) -> QiService:
         """Find a service and connect to where it lives; both are remembered.  Raises Unavailable, LinkGone."""
         if name == DIRECTORY_NAME:
             return self._directory()
@@ -172,24 +172,24 @@ class WireSession(Session):
             self._describe(self._connection_to(place), name, place.number)
         return self._services[name]
 
-    def _directory(self) -> Service:
+    def _directory(self) -> QiService:
         # Its own description tells the fields of a ServiceInfo, of which newer servers have more.
         found = self._services.get(DIRECTORY_NAME)
         return found or self._describe(self._main, DIRECTORY_NAME, DIRECTORY)
 
-    def _place_of(self, name: str) -> Place:
+    def _place_of(self, name: str) -> ServicePlace:
         found = self.wait(self.call(self._directory(), "service", name))
         try:
-            return Place.from_value(found)
+            return ServicePlace.from_value(found)
         except BadFrame as error:
             text = f"the ServiceDirectory does not tell where {show_text(name)} is: {error}"
             raise Unavailable(errno.EPROTO, text) from error
 
-    def _describe(self, connection: Connection, name: str, number: int) -> Service:
+    def _describe(self, connection: QiConnection, name: str, number: int) -> QiService:
         call = connection.call((number, MAIN, GET_META_OBJECT), encode("(I)", (0,)), META_OBJECT)
         value = self.wait(call)
         try:
-            made = Service(name, number, MetaObject.from_value(value))
+            made = QiService(name, number, MetaObject.from_value(value))
         except BadFrame as error:
             raise Unavailable(errno.EPROTO, f"{show_text(name)} does not tell what it offers: {error}") from error
         self._services[name] = made
@@ -199,7 +199,7 @@ class WireSession(Session):
 
     # ---------------------------------------------------------------- other end points
 
-    def _connection_to(self, place: Place) -> Connection:
+    def _connection_to(self, place: ServicePlace) -> QiConnection:
         """The connection over which a service is called, made now if need be.  Raises Unavailable, LinkGone."""
         if self._directory_place is None:
             self._directory_place = self._place_of(DIRECTORY_NAME)
@@ -227,8 +227,8 @@ class WireSession(Session):
         text = f"{show_text(place.name)} is in another process, out of reach: {problem}"
         raise Unavailable(errno.EHOSTUNREACH, text)
 
-    def _connect(self, url: str) -> Connection:
-        connection = Connection(self._open_link(url), self.counters)
+    def _connect(self, url: str) -> QiConnection:
+        connection = QiConnection(self._open_link(url), self.counters)
         connection.answer_call = self._main.answer_call
         try:
             self._authenticate(connection, OTHER_TIMEOUT_S)
@@ -238,7 +238,7 @@ class WireSession(Session):
         self._others[url] = connection
         return connection
 
-    def _home(self, number: int) -> Connection:
+    def _home(self, number: int) -> QiConnection:
         """The connection to a service, or to an object of one.  Raises BadValue when it was lost."""
         if number in self._gone:
             raise BadValue("its process has ended, or the connection to it; look the service up again")
@@ -248,42 +248,44 @@ class WireSession(Session):
 
     def call(
         self,
-        service: Service,
+        service: QiService,
         name: str,
         *arguments: Any,
-        then: Callable[[Call], None] | None = None,
+        then: Callable[[QiCall], None] | None = None,
         timeout: float = TIMEOUT_S,
-    ) -> Call:
+    ) -> QiCall:
         """Call a method; ``then`` gets the outcome.  Raises BadValue, LinkGone."""
         method = service.meta.choose(service.name, name, arguments)
         payload = encode(method.parameters, arguments)
         address = service.number, MAIN, method.uid
         return self._home(service.number).call(address, payload, method.returns, then, timeout)
 
-    def post(self, service: Service, name: str, *arguments: Any) -> None:
+    def post(self, service: QiService, name: str, *arguments: Any) -> None:
         """Call a method and want no answer.  Raises BadValue, LinkGone."""
         method = service.meta.choose(service.name, name, arguments)
         payload = encode(method.parameters, arguments)
         self._home(service.number).send(f.POST, (service.number, MAIN, method.uid), payload)
 
-    def get_property(self, service: Service, name: str, then: Callable[[Call], None] | None = None) -> Call:
+    def get_property(self, service: QiService, name: str, then: Callable[[QiCall], None] | None = None) -> QiCall:
         """Read a property.  Raises BadValue, LinkGone."""
         uid = find_member(service, "property", service.meta.properties, name).uid
         address = service.number, MAIN, PROPERTY
         return self._home(service.number).call(address, encode("(m)", (uid,)), "m", then)
 
-    def set_property(self, service: Service, name: str, value: Any, then: Callable[[Call], None] | None = None) -> Call:
+    def set_property(
+        self, service: QiService, name: str, value: Any, then: Callable[[QiCall], None] | None = None
+    ) -> QiCall:
         """Write a property.  Raises BadValue, LinkGone."""
         uid = find_member(service, "property", service.meta.properties, name).uid
         address = service.number, MAIN, SET_PROPERTY
         return self._home(service.number).call(address, encode("(mm)", (uid, value)), "v", then)
 
-    def listen(self, service: Service, name: str, heard: Heard) -> Subscription:
+    def listen(self, service: QiService, name: str, heard: Heard) -> QiSubscription:
         """Call ``heard`` with the values of each signal from now on.  Raises BadValue, LinkGone."""
         signal = find_member(service, "signal", service.meta.signals, name)
         return self._listen((service.number, MAIN, signal.uid), signal.signature, heard)
 
-    def listen_to_object(self, found: Any, name: str, heard: Heard) -> Subscription:
+    def listen_to_object(self, found: Any, name: str, heard: Heard) -> QiSubscription:
         """Listen to an object that a method has returned.  Raises BadValue, LinkGone."""
         try:
             meta, service, object_ = to_row(found, 3)[:3]
@@ -293,18 +295,18 @@ class WireSession(Session):
             raise no_such_signal(name) from error
         return self._listen((service, object_, signal.uid), signal.signature, heard)
 
-    def _listen(self, address: tuple[int, int, int], signature: str, heard: Heard) -> Subscription:
+    def _listen(self, address: tuple[int, int, int], signature: str, heard: Heard) -> QiSubscription:
         connection = self._home(address[0])
-        return Subscription((connection, connection.listen(address, signature, heard)))
+        return QiSubscription((connection, connection.listen(address, signature, heard)))
 
-    def stop_listening(self, subscription: Subscription) -> None:
+    def stop_listening(self, subscription: QiSubscription) -> None:
         """End a subscription; twice is fine.  Raises LinkGone."""
-        connection: Connection
-        listener: Listener
+        connection: QiConnection
+        listener: QiListener
         connection, listener = subscription.handle
         connection.stop_listening(listener)
 
-    def serve_calls(self, answer: Callable[[Caller, f.Message], None]) -> None:
+    def serve_calls(self, answer: Callable[[Caller, f.QiMessage], None]) -> None:
         """Give calls that come over the connection to the directory to ``answer``."""
         self._main.answer_call = answer
 

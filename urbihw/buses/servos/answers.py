@@ -38,7 +38,9 @@ class GroupAnswer:
         noise: number of bytes that belong to no answer.
     """
 
-    def __init__(self, protocol: int, reads: Sequence[tuple[int, int]], decoder: packet.Decoder, exact: bool) -> None:
+    def __init__(
+        self, protocol: int, reads: Sequence[tuple[int, int]], decoder: packet.StatusDecoder, exact: bool
+    ) -> None:
         self.missing = {device for device, _ in reads}
         self._protocol = protocol
         self._overhead = packet.OVERHEAD[protocol]

@@ -14,8 +14,8 @@ from urbihw.buses.errors import BadFrame, BadValue, BusTimeout
 from urbihw.buses.link import Link
 from urbihw.buses.servos import packet, units
 from urbihw.buses.servos.bus import ServoBus
-from urbihw.buses.servos.device import Device, Scan
-from urbihw.buses.servos.line import Line
+from urbihw.buses.servos.device import ServoDevice, ServoScan
+from urbihw.buses.servos.line import ServoLine
 from urbihw.buses.servos.plan import TORQUE
 from urbihw.buses.servos.registers import (
     PINGS_ONLY,
@@ -41,12 +41,12 @@ _LOOKS: Final = 3
 _TOLERANCE: Final = 0.03
 
 
-def find_all(link: Link, tick: Tick = lambda: False) -> Scan:
+def find_all(link: Link, tick: Tick = lambda: False) -> ServoScan:
     """Return all devices at the present speed. Raises LinkGone."""
     return scan(ServoBus(link, "auto"), None, tick)
 
 
-def find_one(link: Link, number: int | None = None, tick: Tick = lambda: False) -> Device:
+def find_one(link: Link, number: int | None = None, tick: Tick = lambda: False) -> ServoDevice:
     """Return the device with an id, or the only one of the line.
 
     Raises Crowded when several answer to that id, ServoError when none does, or when several do and no id is given.
@@ -64,7 +64,7 @@ def find_one(link: Link, number: int | None = None, tick: Tick = lambda: False) 
     return found.devices[0]
 
 
-def check_alone(link: Link, device: Device) -> None:
+def check_alone(link: Link, device: ServoDevice) -> None:
     """Raise Crowded when long answers come damaged: two servos may answer a ping alike, but not all of this.
 
     Raises PingsOnly for a servo that answers pings, and no read at all.
@@ -85,7 +85,7 @@ def check_alone(link: Link, device: Device) -> None:
             raise ServoError(f"servo {device.id} answers now and then only: check its cable and supply") from error
 
 
-def answer_again(link: Link, device: Device) -> Device:
+def answer_again(link: Link, device: ServoDevice) -> ServoDevice:
     """Let a servo that answers pings only answer everything, without reading it before; its torque is off then.
 
     A protocol 1.0 servo does not tell its model to a ping, but all models have these two registers at the addresses of
@@ -100,7 +100,7 @@ def answer_again(link: Link, device: Device) -> Device:
     return find_one(link, device.id)
 
 
-def set_id(link: Link, device: Device, new: int) -> Device:
+def set_id(link: Link, device: ServoDevice, new: int) -> ServoDevice:
     """Give a servo another id and return its new description.
 
     Raises ServoError when the id is taken, impossible, or was not taken over; LinkGone.
@@ -132,7 +132,7 @@ def set_id(link: Link, device: Device, new: int) -> Device:
     return _same(device, moved)
 
 
-def set_baud(line: Line, device: Device, baud: int) -> Device:
+def set_baud(line: ServoLine, device: ServoDevice, baud: int) -> ServoDevice:
     """Set the speed of a servo, in bits per second; the line is then open at it.
 
     Raises ServoError when the servo has no such speed, its id is taken there, or it did not take it over; BadUrl when
@@ -165,7 +165,7 @@ def set_baud(line: Line, device: Device, baud: int) -> Device:
     return _same(device, moved)
 
 
-def check_reset(link: Link, device: Device) -> None:
+def check_reset(link: Link, device: ServoDevice) -> None:
     """Raise ServoError for a servo of which it is not known what a reset makes of it."""
     registers = ServoRegisters(link, device)
     if registers.table.eeprom_lock:  # Feetech
@@ -180,7 +180,7 @@ def check_findable(baud: int) -> None:
         raise BadValue(f"{baud} bps: no scan tries this speed; give one of {', '.join(map(str, sorted(BAUDS)))}")
 
 
-def reset(line: Line, device: Device) -> Device:
+def reset(line: ServoLine, device: ServoDevice) -> ServoDevice:
     """Give a servo its factory values, but its own id and speed, and return its description.
 
     A protocol 1.0 servo forgets both; they are written again, for which its factory id must be free at the factory
@@ -205,7 +205,7 @@ def reset(line: Line, device: Device) -> Device:
     return set_baud(line, fresh, baud)
 
 
-def reboot(link: Link, device: Device) -> Device:
+def reboot(link: Link, device: ServoDevice) -> ServoDevice:
     """Restart a servo of protocol 2.0, which clears its hardware error. Raises ServoError, LinkGone."""
     if device.protocol != 2:
         raise ServoError(f"servo {device.id}: {device.name} has no reboot: switch it off and on")
@@ -214,13 +214,13 @@ def reboot(link: Link, device: Device) -> Device:
     return _await(link, device)
 
 
-def back_up(link: Link, device: Device) -> ServoBackup:
+def back_up(link: Link, device: ServoDevice) -> ServoBackup:
     """Return all registers of a servo. Raises BusTimeout, BadFrame, DeviceRefused, ServoError, LinkGone."""
     values = ServoRegisters(link, device).read()
     return ServoBackup(device.id, device.model, device.protocol, device.firmware, link.baud, values)
 
 
-def changes_to(link: Link, device: Device, backup: ServoBackup) -> dict[str, tuple[int, int]]:
+def changes_to(link: Link, device: ServoDevice, backup: ServoBackup) -> dict[str, tuple[int, int]]:
     """Return the EEPROM items in which a servo differs from a backup: name -> (present value, that of the backup).
 
     Raises ServoError when the backup is that of another family.
@@ -231,7 +231,7 @@ def changes_to(link: Link, device: Device, backup: ServoBackup) -> dict[str, tup
     return differences(registers.table, backup.registers, registers.read())
 
 
-def restore(link: Link, device: Device, backup: ServoBackup) -> list[str]:
+def restore(link: Link, device: ServoDevice, backup: ServoBackup) -> list[str]:
     """Write back what differs from a backup in the EEPROM; return a line for each item that was not taken over.
 
     Raises ServoError when the backup is that of another family, LinkGone.
@@ -240,7 +240,7 @@ def restore(link: Link, device: Device, backup: ServoBackup) -> list[str]:
     return write_differences(ServoRegisters(link, device), changes) if changes else []
 
 
-def adopt(line: Line, device: Device, backup: ServoBackup) -> list[str]:
+def adopt(line: ServoLine, device: ServoDevice, backup: ServoBackup) -> list[str]:
     """Give a replacement the registers, the id and then the speed of its predecessor.
 
     `device` is what the line found at its present speed; the line is open at the speed of the predecessor afterwards.
@@ -293,7 +293,7 @@ def _check_free(link: Link, number: int) -> None:
         raise ServoError(f"id {number} is taken at {link.baud} bps: choose another one, or unplug that servo")
 
 
-def _look(link: Link, number: int) -> Device | None:
+def _look(link: Link, number: int) -> ServoDevice | None:
     """Return the only device with an id, None if there is none. Raises Crowded, LinkGone."""
     found = _scan_id(link, number, _LOOKS)
     if found is None:
@@ -303,7 +303,7 @@ def _look(link: Link, number: int) -> Device | None:
     return found.devices[0]
 
 
-def _scan_id(link: Link, number: int, looks: int) -> Scan | None:
+def _scan_id(link: Link, number: int, looks: int) -> ServoScan | None:
     """Return what has an id, looking several times: a busy computer must not look like a silent servo."""
     for _ in range(looks):
         found = scan(ServoBus(link, "auto"), [number])
@@ -312,22 +312,22 @@ def _scan_id(link: Link, number: int, looks: int) -> Scan | None:
     return None
 
 
-def _same(before: Device, after: Device) -> Device:
+def _same(before: ServoDevice, after: ServoDevice) -> ServoDevice:
     """Return `after`. Raises ServoError when it is another model."""
     if (before.model, before.protocol) != (after.model, after.protocol):
         raise ServoError(f"{after.name} answers as {after.id}, where {before.name} was expected: urbihw scan")
     return after
 
 
-def _lock(link: Link, device: Device) -> None:
+def _lock(link: Link, device: ServoDevice) -> None:
     ServoRegisters(link, device).lock()
 
 
-def _send_reset(link: Link, device: Device, params: bytes) -> None:
+def _send_reset(link: Link, device: ServoDevice, params: bytes) -> None:
     bus_for(link, device).send(packet.encode(device.protocol, device.id, _FACTORY_RESET, params))
 
 
-def _await(link: Link, device: Device) -> Device:
+def _await(link: Link, device: ServoDevice) -> ServoDevice:
     """Return a device that restarts, as soon as it answers. Raises ServoError after _RESTART_TIME, LinkGone."""
     end = link.clock.now() + _RESTART_TIME
     while True:

@@ -25,9 +25,9 @@ from dataclasses import dataclass, field
 from urbihw.buses.errors import BadFrame, BadValue, BusTimeout, DeviceRefused
 from urbihw.buses.servos import packet, plan
 from urbihw.buses.servos.bus import ServoBus
-from urbihw.buses.servos.device import Device
+from urbihw.buses.servos.device import ServoDevice
 from urbihw.buses.servos.health import Change
-from urbihw.buses.servos.member import FIRED, PLACE, WATCHDOG, Member, Question
+from urbihw.buses.servos.member import FIRED, PLACE, WATCHDOG, BlockQuestion, Member
 from urbihw.buses.servos.plan import Block, Run
 from urbihw.buses.servos.scan import identify
 from urbihw.buses.servos.status import Status, state_of
@@ -37,7 +37,7 @@ STATE_ITEM = "state"
 _RETRY_SHARE = 0.6
 _CHECKSUM_1 = 0x10
 _CRC_2 = 3
-_Read = tuple[Member, tuple[Question, ...]]
+_Read = tuple[Member, tuple[BlockQuestion, ...]]
 
 
 @dataclass(slots=True)
@@ -67,7 +67,7 @@ class Cycle:
         fast: FAST SYNC READ may be used.
     """
 
-    def __init__(self, bus: ServoBus, devices: Iterable[Device], period: float, fast: bool = True) -> None:
+    def __init__(self, bus: ServoBus, devices: Iterable[ServoDevice], period: float, fast: bool = True) -> None:
         self.bus = bus
         self.members = {device.id: Member(device) for device in sorted(devices, key=lambda device: device.id)}
         bus.protocols = {number: member.device.protocol for number, member in self.members.items()}
@@ -202,7 +202,7 @@ class Cycle:
             else:
                 self._record_miss(member, str(answer), tick)
 
-    def _read_alone(self, member: Member, questions: Iterable[Question], tick: Tick) -> None:
+    def _read_alone(self, member: Member, questions: Iterable[BlockQuestion], tick: Tick) -> None:
         """Read the blocks of one device, one after the other, until an answer is missing."""
         for question in questions:
             try:
@@ -215,7 +215,7 @@ class Cycle:
             self._store_answer(member, question.block, status, tick)
 
     def _read_groups(self, asked: Iterable[_Read], tick: Tick) -> None:
-        groups: dict[tuple[int, int, int], list[tuple[Member, Question]]] = {}
+        groups: dict[tuple[int, int, int], list[tuple[Member, BlockQuestion]]] = {}
         for member, questions in asked:
             for question in questions:
                 place = (member.device.protocol, question.block.address, question.block.size)
@@ -229,7 +229,7 @@ class Cycle:
                 self._read_group(protocol, address, size, pairs, tick)
 
     def _read_group(
-        self, protocol: int, address: int, size: int, pairs: list[tuple[Member, Question]], tick: Tick
+        self, protocol: int, address: int, size: int, pairs: list[tuple[Member, BlockQuestion]], tick: Tick
     ) -> None:
         bus = self.bus
         ids = tuple(member.device.id for member, _ in pairs)
@@ -338,6 +338,6 @@ def _request_was_damaged(status: Status) -> bool:
     return bool(status.refusal & _CHECKSUM_1) if status.protocol == 1 else status.refusal == _CRC_2
 
 
-def _supports_fast_read(device: Device) -> bool:
+def _supports_fast_read(device: ServoDevice) -> bool:
     table = device.table
     return table is not None and table.fast_firmware is not None and device.firmware >= table.fast_firmware

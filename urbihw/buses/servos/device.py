@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from urbihw.buses.servos.item import Mode, Table
+from urbihw.buses.servos.item import ControlTable, Mode
 from urbihw.buses.servos.tables import table_for
 
 
 @dataclass(frozen=True)
-class Device:
+class ServoDevice:
     """The description of a device, as it was read.
 
     Attributes:
@@ -19,7 +19,7 @@ class Device:
         model: number, 0 when it answers pings only (status return level 0).
         firmware: version, 0 when unknown.
         protocol: 1, 2 or `status.FEETECH`.
-        setup: the values of `Table.setup_items` that could be read.
+        setup: the values of `ControlTable.setup_items` that could be read.
     """
 
     id: int
@@ -29,7 +29,7 @@ class Device:
     setup: Mapping[str, int] = field(default_factory=dict)
 
     @cached_property
-    def table(self) -> Table | None:
+    def table(self) -> ControlTable | None:
         """Its control table, for an unknown model the few rows known; None for a device that has not told its model."""
         return table_for(self.model, self.protocol) if self.model else None
 
@@ -88,7 +88,7 @@ class DeviceInfo:
 
 
 @dataclass(frozen=True)
-class Scan:
+class ServoScan:
     """Outcome of a scan.
 
     Attributes:
@@ -96,5 +96,5 @@ class Scan:
         conflicts: ids that more than one device answers to; they are not in `devices`.
     """
 
-    devices: tuple[Device, ...]
+    devices: tuple[ServoDevice, ...]
     conflicts: tuple[int, ...] = ()

@@ -19,7 +19,7 @@ from urbihw.buses.messages import (
     DeviceState,
     Found,
     FromWorker,
-    Gone,
+    GuestsGone,
     Limit,
     Refused,
     Reply,
@@ -31,11 +31,11 @@ from urbihw.buses.messages import (
 from urbihw.buses.readings import Reading
 from urbihw.buses.servos.bus import ServoBus
 from urbihw.buses.servos.cycle import Cycle, Tick
-from urbihw.buses.servos.device import Device, DeviceInfo, Scan
+from urbihw.buses.servos.device import DeviceInfo, ServoDevice, ServoScan
 from urbihw.buses.servos.eeprom import write_register
-from urbihw.buses.servos.item import Motion, magnitude_of, number_of
+from urbihw.buses.servos.item import ShaftMotion, magnitude_of, number_of
 from urbihw.buses.servos.member import FIRED, GOAL, WATCHDOG, WATCHDOG_COUNTS, Member
-from urbihw.buses.servos.options import Options
+from urbihw.buses.servos.options import ServoBusOptions
 from urbihw.buses.servos.plan import TORQUE
 from urbihw.buses.servos.readings import reading_of
 from urbihw.buses.servos.scan import ScanInterrupted, identify, scan
@@ -74,10 +74,10 @@ class ServoDriver(Driver):
 
     def __init__(self) -> None:
         self._settings = Configure()
-        self._options = Options()
+        self._options = ServoBusOptions()
         self._cycle: Cycle | None = None
         self._patrol = StopPatrol()
-        self._known: dict[int, Device] = {}
+        self._known: dict[int, ServoDevice] = {}
         self._expected: tuple[int, ...] = ()
         self._unread: set[int] = set()
         self._urgent: Callable[[], bool] = no_stop
@@ -90,7 +90,7 @@ class ServoDriver(Driver):
 
     def configure(self, settings: Configure) -> None:
         """Apply settings; the protocol and the ids take effect with the next `attach`. Raises BadSetting."""
-        self._options = Options.of(settings.options)
+        self._options = ServoBusOptions.of(settings.options)
         self._settings = settings
         if self._cycle is not None:
             self._cycle.period = 1 / settings.rate
@@ -118,8 +118,8 @@ class ServoDriver(Driver):
         gone = self._sort_out_guests(outcome)
         return [*gone, *self._start_cycle(bus, outcome, self._absent_devices(bus, outcome))]
 
-    def _sort_out_guests(self, outcome: Scan) -> list[FromWorker]:
-        """Return `Gone` for the devices of another robot, if the own one is back without them.
+    def _sort_out_guests(self, outcome: ServoScan) -> list[FromWorker]:
+        """Return `GuestsGone` for the devices of another robot, if the own one is back without them.
 
         Devices are those of another robot if they were found while nothing of the own one answered.
         """
@@ -137,13 +137,15 @@ class ServoDriver(Driver):
             self._known.pop(number, None)
             self._told.pop(number, None)
         self._moved -= gone
-        return [Gone(tuple(sorted(gone)))] if gone else []
+        return [GuestsGone(tuple(sorted(gone)))] if gone else []
 
-    def _absent_devices(self, bus: ServoBus, outcome: Scan) -> list[Device]:
+    def _absent_devices(self, bus: ServoBus, outcome: ServoScan) -> list[ServoDevice]:
         """Return the devices that are known or expected and did not answer to a scan, and those that it could not read:
         they are found when they answer."""
         expected = {*self._options.ids, *(each.id for each in self._settings.expected), *self._unread}
-        wanted = {number: Device(number, 0, 0, bus.protocol_of(number)) for number in sorted(expected)} | self._known
+        wanted = {
+            number: ServoDevice(number, 0, 0, bus.protocol_of(number)) for number in sorted(expected)
+        } | self._known
         # A known device is kept even when its answer was damaged: it may be turning, and must be stopped.
         there = {device.id for device in outcome.devices} | ({*outcome.conflicts} - self._known.keys())
         return [device for number, device in wanted.items() if number not in there]
@@ -311,7 +313,7 @@ class ServoDriver(Driver):
         """Return failures since `attach`, by kind."""
         return {} if self._cycle is None else asdict(self._cycle.bus.counters)
 
-    def _start_cycle(self, bus: ServoBus, outcome: Scan, lost: Iterable[Device]) -> list[FromWorker]:
+    def _start_cycle(self, bus: ServoBus, outcome: ServoScan, lost: Iterable[ServoDevice]) -> list[FromWorker]:
         """Start a cycle with the devices that a scan found and those that are expected but absent."""
         absent = list(lost)
         cycle = Cycle(bus, [*outcome.devices, *absent], 1 / self._settings.rate, self._options.fast_read)
@@ -355,7 +357,7 @@ class ServoDriver(Driver):
                 self.halted = f"{device.name} answers to id {device.id}, not {before.name}"
         return [self._found(changed)] if changed else []
 
-    def _found(self, devices: Iterable[Device], conflicts: tuple[int, ...] = ()) -> Found:
+    def _found(self, devices: Iterable[ServoDevice], conflicts: tuple[int, ...] = ()) -> Found:
         infos = tuple(map(_info_of, devices))
         self._told |= {info.id: info for info in infos}
         return Found(infos, conflicts)
@@ -382,7 +384,7 @@ class ServoDriver(Driver):
 
     def _scan_bus(
         self, bus: ServoBus, ids: Iterable[int] | None, urgent: Callable[[], bool] = no_stop
-    ) -> Scan:
+    ) -> ServoScan:
         """Return the devices that could be read; those that could not are in `_unread`.
 
         Where nothing answers at the speed of a CM-5, it may be one that is not in toss mode yet.
@@ -392,7 +394,7 @@ class ServoDriver(Driver):
             enter_toss_mode(bus.link)
             outcome = scan(bus, ids, urgent)
         self._unread = {device.id for device in outcome.devices if not device.model}
-        return Scan(tuple(device for device in outcome.devices if device.model), outcome.conflicts)
+        return ServoScan(tuple(device for device in outcome.devices if device.model), outcome.conflicts)
 
     def _rescan(self, cycle: Cycle) -> list[FromWorker]:
         auto, protocol, protocols = cycle.bus.auto, cycle.bus.protocol, cycle.bus.protocols
@@ -437,7 +439,7 @@ def _steps_of(request: Request) -> tuple[tuple[str, Any], ...]:
     return ((request.item, request.value),) if request.verb == "write" else ()
 
 
-def _has_fired(device: Device) -> bool:
+def _has_fired(device: ServoDevice) -> bool:
     return device.setup.get(WATCHDOG) == FIRED
 
 
@@ -451,7 +453,7 @@ def _clear_watchdogs(cycle: Cycle, numbers: Iterable[int]) -> None:
         mode = member.device.mode
         try:
             _write(cycle.bus, member, WATCHDOG, 0)
-            if mode is not None and mode.motion is Motion.RATE:
+            if mode is not None and mode.motion is ShaftMotion.RATE:
                 _write(cycle.bus, member, mode.effector, 0)
         except LinkGone:
             raise
@@ -499,7 +501,7 @@ def _same_kind(before: DeviceInfo | None, now: DeviceInfo) -> bool:
     return before is not None and (before.model, before.firmware) == (now.model, now.firmware)
 
 
-def _info_of(device: Device) -> DeviceInfo:
+def _info_of(device: ServoDevice) -> DeviceInfo:
     table, mode = device.table, device.mode
     return DeviceInfo(
         device.id,

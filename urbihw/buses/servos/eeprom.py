@@ -13,28 +13,28 @@ from contextlib import contextmanager
 
 from urbihw.buses.errors import BadValue
 from urbihw.buses.servos.bus import ServoBus
-from urbihw.buses.servos.device import Device
-from urbihw.buses.servos.item import Item, Table
+from urbihw.buses.servos.device import ServoDevice
+from urbihw.buses.servos.item import ControlTable, Item
 from urbihw.buses.servos.plan import TORQUE
 
 Write = Callable[[Item, int], None]
 """Writes a raw value to a register of the servo."""
 
 
-def open_lock(table: Table, write: Write) -> bool:
+def open_lock(table: ControlTable, write: Write) -> bool:
     """Open the lock of the EEPROM; return whether there is one, to be closed afterwards. Raises what `write` does."""
     if table.eeprom_lock:
         write(table.item(table.eeprom_lock), 0)
     return bool(table.eeprom_lock)
 
 
-def close_lock(table: Table, write: Write) -> None:
+def close_lock(table: ControlTable, write: Write) -> None:
     """Close the lock of the EEPROM of a model that has one. Raises what `write` does."""
     write(table.item(table.eeprom_lock), 1)
 
 
 @contextmanager
-def unlocked(table: Table, item: Item, write: Write) -> Iterator[None]:
+def unlocked(table: ControlTable, item: Item, write: Write) -> Iterator[None]:
     """Keep the lock open for a write of `item` if that is in the EEPROM. Raises what `write` does."""
     if item.area != "E" or not open_lock(table, write):
         yield
@@ -45,7 +45,7 @@ def unlocked(table: Table, item: Item, write: Write) -> Iterator[None]:
         close_lock(table, write)
 
 
-def write_register(bus: ServoBus, device: Device, item: Item, raw: int) -> None:
+def write_register(bus: ServoBus, device: ServoDevice, item: Item, raw: int) -> None:
     """Write one register, of the EEPROM so that it is kept without power.
 
     Raises BadValue while the torque of a servo with a lock is on, and as `ServoBus.write`.
@@ -65,7 +65,7 @@ def write_register(bus: ServoBus, device: Device, item: Item, raw: int) -> None:
         number = _present_id(bus, device, item, raw)
 
 
-def _present_id(bus: ServoBus, device: Device, item: Item, raw: int) -> int:
+def _present_id(bus: ServoBus, device: ServoDevice, item: Item, raw: int) -> int:
     """Return the id that the servo answers to after a write."""
     if item.name != "id":
         return device.id
@@ -73,6 +73,6 @@ def _present_id(bus: ServoBus, device: Device, item: Item, raw: int) -> int:
     return raw
 
 
-def _read(bus: ServoBus, number: int, table: Table, name: str) -> int:
+def _read(bus: ServoBus, number: int, table: ControlTable, name: str) -> int:
     item = table.item(name)
     return item.unpack(bus.read(number, item.address, item.size))

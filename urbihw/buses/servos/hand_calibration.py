@@ -17,8 +17,8 @@ from typing import Final
 from urbihw.buses.errors import BadValue
 from urbihw.buses.link import Link
 from urbihw.buses.servos.calibration import JointCalibration
-from urbihw.buses.servos.device import Device
-from urbihw.buses.servos.item import Mode, Motion
+from urbihw.buses.servos.device import ServoDevice
+from urbihw.buses.servos.item import Mode, ShaftMotion
 from urbihw.buses.servos.registers import ServoError, ServoRegisters, write_differences
 
 _POSITION: Final = "present_position"
@@ -30,7 +30,7 @@ _LEAST_RANGE: Final = 20
 
 
 @dataclass
-class Joint:
+class CalibratedJoint:
     """One joint while it is calibrated, in raw counts.
 
     Attributes:
@@ -75,8 +75,8 @@ class HandCalibration:
     Raises ServoError for a device without a motor; all methods raise BusTimeout, BadFrame, LinkGone too.
     """
 
-    def __init__(self, link: Link, servos: Mapping[str, Device]) -> None:
-        self.joints = [Joint(name, ServoRegisters(link, device)) for name, device in servos.items()]
+    def __init__(self, link: Link, servos: Mapping[str, ServoDevice]) -> None:
+        self.joints = [CalibratedJoint(name, ServoRegisters(link, device)) for name, device in servos.items()]
         for joint in self.joints:
             if not joint.registers.table.has_motor or _POSITION not in joint.registers.table.items:
                 raise ServoError(f"{joint.name} (id {joint.id}) is no joint: {joint.registers.device.name}")
@@ -117,7 +117,7 @@ class HandCalibration:
         }
 
 
-def _center(joint: Joint) -> str:
+def _center(joint: CalibratedJoint) -> str:
     """Center one joint by its homing offset; return why not, "" if it is centred."""
     registers = joint.registers
     item = registers.table.item(_OFFSET)
@@ -148,13 +148,13 @@ def _turn(registers: ServoRegisters) -> int:
     return registers.table.item(limits[1]).high + 1
 
 
-def position_mode(device: Device) -> Mode | None:
+def position_mode(device: ServoDevice) -> Mode | None:
     """Return the mode of a device if it is one with position limits, else None."""
     mode = device.mode
-    return mode if mode is not None and mode.motion is Motion.POSITION and len(mode.limits) == 2 else None
+    return mode if mode is not None and mode.motion is ShaftMotion.POSITION and len(mode.limits) == 2 else None
 
 
-def register_changes(link: Link, device: Device, joint: JointCalibration) -> dict[str, tuple[int, int]]:
+def register_changes(link: Link, device: ServoDevice, joint: JointCalibration) -> dict[str, tuple[int, int]]:
     """Return what a calibration changes in a servo: item -> (present value, new value).
 
     These are the homing offset and the position limits, as far as the servo has them in its present mode, within what
@@ -171,7 +171,7 @@ def register_changes(link: Link, device: Device, joint: JointCalibration) -> dic
     return {name: (found[name], wanted[name]) for name in items if found[name] != wanted[name]}
 
 
-def write_calibration(link: Link, device: Device, joint: JointCalibration) -> list[str]:
+def write_calibration(link: Link, device: ServoDevice, joint: JointCalibration) -> list[str]:
     """Write what `register_changes` returns, with the torque off; return a line for each item not taken over.
 
     Raises ServoError, BusTimeout, BadFrame, LinkGone.
@@ -180,7 +180,7 @@ def write_calibration(link: Link, device: Device, joint: JointCalibration) -> li
     return write_differences(ServoRegisters(link, device), changes) if changes else []
 
 
-def named(servos: Mapping[int, Device], names: Mapping[str, int]) -> dict[str, Device]:
+def named(servos: Mapping[int, ServoDevice], names: Mapping[str, int]) -> dict[str, ServoDevice]:
     """Return devices by the names of joints; without names, `motor` and the id. Raises ServoError for an absent one."""
     wanted = names or {f"motor{number}": number for number, device in servos.items() if _has_joint(device)}
     missing = [f"{name} (id {number})" for name, number in wanted.items() if number not in servos]
@@ -189,5 +189,5 @@ def named(servos: Mapping[int, Device], names: Mapping[str, int]) -> dict[str, D
     return {name: servos[number] for name, number in wanted.items()}
 
 
-def _has_joint(device: Device) -> bool:
+def _has_joint(device: ServoDevice) -> bool:
     return device.table is not None and device.table.has_motor

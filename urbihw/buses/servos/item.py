@@ -15,7 +15,7 @@ _PLACE: Final = re.compile(r"@(\d+):(\d+)")
 _SIZES: Final = (1, 2, 4)
 
 
-class Motion(Enum):
+class ShaftMotion(Enum):
     """What writing an item does to the shaft."""
 
     POSITION = "position"  # moves to a position; to hold still, the target is the present position
@@ -109,14 +109,14 @@ class Mode:
 
     name: str
     effector: str
-    motion: Motion
+    motion: ShaftMotion
     limits: tuple[str, ...] = ()
     when: tuple[tuple[str, int], ...] = ()
     direction_bit: int | None = None
 
 
 @dataclass(frozen=True)
-class Table:
+class ControlTable:
     """The control table of a family of devices.
 
     Attributes:
@@ -199,7 +199,7 @@ class Table:
 
 
 def is_place(name: str) -> bool:
-    """Return whether the name of an item is a place, "@30:2": see `Table.item`."""
+    """Return whether the name of an item is a place, "@30:2": see `ControlTable.item`."""
     return name.startswith("@")
 
 

@@ -10,7 +10,7 @@ from urbihw.buses.link import Context, Link, Url, byte_link, has_line_speed
 OpenAt = Callable[[int], Link]
 
 
-class Line:
+class ServoLine:
     """The wire of a servo chain, open at one speed at a time.
 
     Attributes:
@@ -26,7 +26,7 @@ class Line:
         self.link = open_at(baud)
 
     @classmethod
-    def open(cls, url: str, baud: int | None = None, context: Context | None = None) -> Line:
+    def open(cls, url: str, baud: int | None = None, context: Context | None = None) -> ServoLine:
         """Open the line of a url, at `baud` bits per second instead of its own. Raises BadUrl, Unavailable."""
         first = _closed(url, context)
 
@@ -62,7 +62,7 @@ class Line:
         """Close it; calling it twice is fine."""
         self.link.close()
 
-    def __enter__(self) -> Line:
+    def __enter__(self) -> ServoLine:
         return self
 
     def __exit__(self, *_: object) -> None:

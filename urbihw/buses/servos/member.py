@@ -15,9 +15,9 @@ from typing import Final
 
 from urbihw.buses.errors import BadValue
 from urbihw.buses.servos import packet
-from urbihw.buses.servos.device import Device
+from urbihw.buses.servos.device import ServoDevice
 from urbihw.buses.servos.health import Health
-from urbihw.buses.servos.item import Motion, Table, is_place
+from urbihw.buses.servos.item import ControlTable, ShaftMotion, is_place
 from urbihw.buses.servos.plan import TORQUE, Block, read_blocks
 
 PLACE: Final = "present_position"
@@ -41,7 +41,7 @@ class _ReadSchedule:
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
+class BlockQuestion:
     """A block to read, with the packet that asks this device for it alone."""
 
     block: Block
@@ -64,7 +64,7 @@ class Member:
         armed: its bus watchdog is running.
     """
 
-    def __init__(self, device: Device) -> None:
+    def __init__(self, device: ServoDevice) -> None:
         self.device = device
         self._table = device.table
         self.health = Health()
@@ -78,10 +78,10 @@ class Member:
         self.armed = device.setup.get(WATCHDOG, 0) > 0
         self._watchdog_check_due = 0.0
         self._schedules: list[_ReadSchedule] = []
-        self._questions: dict[tuple[str, ...], tuple[Question, ...]] = {}
+        self._questions: dict[tuple[str, ...], tuple[BlockQuestion, ...]] = {}
 
     @property
-    def table(self) -> Table:
+    def table(self) -> ControlTable:
         """Its control table. Raises BadValue for a device that has not told its model."""
         if self._table is None:
             raise BadValue(f"device {self.device.id} has not told its model, so its registers are unknown")
@@ -105,7 +105,7 @@ class Member:
         """
         return self.device.is_complete or not self.device.is_known
 
-    def update_device(self, device: Device) -> None:
+    def update_device(self, device: ServoDevice) -> None:
         """Replace the description of the device: it may be in another mode, or be another device."""
         self.device = device
         self.armed = device.setup.get(WATCHDOG, 0) > 0
@@ -132,7 +132,7 @@ class Member:
     def must_arm_watchdog(self, name: str) -> bool:
         """Return whether a value other than 0 of this item makes the servo turn while its watchdog is not armed."""
         mode = self.device.mode
-        turns = mode is not None and mode.motion is Motion.RATE and name == mode.effector
+        turns = mode is not None and mode.motion is ShaftMotion.RATE and name == mode.effector
         return turns and not self.armed and WATCHDOG in self.table.items
 
     def rearm_watchdog(self) -> None:
@@ -185,7 +185,7 @@ class Member:
             return False
         values = {**device.setup, name: raw}
         new = table.mode_of(values) if all(each in values for each in table.mode_items) else None
-        return new is not None and new is not device.mode and new.motion is Motion.RATE
+        return new is not None and new is not device.mode and new.motion is ShaftMotion.RATE
 
     def drop_targets(self) -> None:
         """Drop pending targets and the record of written ones: the device may have lost power, or was stopped."""
@@ -228,13 +228,13 @@ class Member:
         """Return whether an item is part of a watch."""
         return any(name in rhythm.names for rhythm in self._schedules)
 
-    def questions(self, names: tuple[str, ...]) -> tuple[Question, ...]:
+    def questions(self, names: tuple[str, ...]) -> tuple[BlockQuestion, ...]:
         """Return the read packets for `names`, cached."""
         known = self._questions.get(names)
         if known is None:
             protocol = self.device.protocol
             known = self._questions[names] = tuple(
-                Question(block, packet.read_packet(protocol, self.device.id, block.address, block.size))
+                BlockQuestion(block, packet.read_packet(protocol, self.device.id, block.address, block.size))
                 for block in read_blocks(self.table, names, protocol)
             )
         return known

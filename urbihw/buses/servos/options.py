@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from urbihw.settings import SWITCH, Table, choice, setting, wholes
+from urbihw.settings import SWITCH, SettingsTable, choice, setting, wholes
 
 _LAST_ID = 252
 _CONTROLLERS = (
@@ -15,7 +15,7 @@ _CONTROLLERS = (
 
 
 @dataclass(frozen=True)
-class Options(Table):
+class ServoBusOptions(SettingsTable):
     """The options of the family.
 
     Attributes:

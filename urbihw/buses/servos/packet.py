@@ -138,7 +138,7 @@ def sync_read_packet(
     return encode(protocol, BROADCAST, code, _place(protocol, address, size) + bytes(devices))
 
 
-class Decoder(Protocol):
+class StatusDecoder(Protocol):
     """Decodes bytes to status packets; noise is skipped and counted, and raises nothing.
 
     Attributes:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from urbihw.buses.servos import packet
-from urbihw.buses.servos.item import Item, Table, magnitude_of, number_of
+from urbihw.buses.servos.item import ControlTable, Item, magnitude_of, number_of
 from urbihw.buses.servos.status import FEETECH
 
 # Up to this many unwanted bytes it is cheaper to read through them than to ask twice: an extra READ is 14 bytes in
@@ -45,7 +45,7 @@ class Block:
         return values
 
 
-def read_blocks(table: Table, names: Iterable[str], protocol: int) -> tuple[Block, ...]:
+def read_blocks(table: ControlTable, names: Iterable[str], protocol: int) -> tuple[Block, ...]:
     """Return the fewest blocks that hold all `names`. Raises BadValue for a name the table does not have.
 
     Two wanted items are read together when few bytes lie between them and none of those changes the device by being
@@ -105,7 +105,7 @@ class Run:
 WriteGroup = tuple[tuple[Run, ...], Sequence[tuple[int, Mapping[str, int]]]]
 
 
-def write_runs(table: Table, names: Iterable[str]) -> tuple[Run, ...]:
+def write_runs(table: ControlTable, names: Iterable[str]) -> tuple[Run, ...]:
     """Return the fewest runs that hold all `names`, without gaps. Torque enable is a run of its own: `sync_writes`."""
     runs: list[list[Item]] = []
     for item in sorted((table.item(name) for name in names), key=lambda item: item.address):

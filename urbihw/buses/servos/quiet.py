@@ -6,7 +6,7 @@ import errno
 from typing import Final
 
 from urbihw.buses.errors import Unavailable
-from urbihw.buses.servos.line import Line
+from urbihw.buses.servos.line import ServoLine
 
 _WINDOW: Final = 0.06
 """Seconds without a byte that make a line quiet: longer than an answer that is still under way."""
@@ -15,7 +15,7 @@ _MOST_BYTES: Final = 1 << 20
 """Read at most, so that a flood that fills a buffer faster than it is read ends the check too."""
 
 
-def check_quiet(line: Line) -> None:
+def check_quiet(line: ServoLine) -> None:
     """Listen without sending until no byte comes for a moment; what came is discarded.
 
     Raises Unavailable when bytes keep coming: a sensor or a console, not servos, or another program that talks on the

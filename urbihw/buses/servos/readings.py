@@ -11,8 +11,8 @@ from typing import Any, Final
 from urbihw.buses.readings import ALARM, Reading
 from urbihw.buses.servos import units
 from urbihw.buses.servos.cycle import STATE_ITEM
-from urbihw.buses.servos.device import Device
-from urbihw.buses.servos.item import Item, Table
+from urbihw.buses.servos.device import ServoDevice
+from urbihw.buses.servos.item import ControlTable, Item
 from urbihw.buses.servos.status import state_words
 
 _MEASURED: Final = {
@@ -34,7 +34,7 @@ _EFFECTORS: Final = {"rad": "position", "rad/s": "speed", "A": "current"}
 """SI unit of the target that moves a servo -> quantity; a share of the full drive is "load"."""
 
 
-def reading_of(device: Device, item: str, raw: Any) -> Reading | None:
+def reading_of(device: ServoDevice, item: str, raw: Any) -> Reading | None:
     """Return the reading of a register; None for those that tell nothing of the health."""
     if item == STATE_ITEM:
         return Reading(ALARM, state_words(raw, device.protocol))
@@ -53,7 +53,7 @@ def reading_of(device: Device, item: str, raw: Any) -> Reading | None:
     return Reading(quantity, value, symbol, _default(table, low), _default(table, high))
 
 
-def _default(table: Table, name: str) -> float:
+def _default(table: ControlTable, name: str) -> float:
     """The factory value of a register; nan if it has none, and for no register."""
     item: Item | None = table.items.get(name)
     return math.nan if item is None or item.default is None else units.to_si(item, item.default)

@@ -15,8 +15,8 @@ from urbihw.buses.errors import BadFrame, BadValue, BusError, BusTimeout, Device
 from urbihw.buses.link import Link
 from urbihw.buses.servos import eeprom
 from urbihw.buses.servos.bus import ServoBus
-from urbihw.buses.servos.device import Device
-from urbihw.buses.servos.item import Item, Table
+from urbihw.buses.servos.device import ServoDevice
+from urbihw.buses.servos.item import ControlTable, Item
 from urbihw.buses.servos.plan import TORQUE, Block, read_blocks
 
 LOCK: Final = "lock"
@@ -57,7 +57,7 @@ class PingsOnly(ServoError):
         device: what is known of it.
     """
 
-    def __init__(self, device: Device) -> None:
+    def __init__(self, device: ServoDevice) -> None:
         super().__init__(
             f"servo {device.id} answers pings only (status return level 0): write {PINGS_ONLY}=2 alone, by urbihw "
             "servo write, with --id"
@@ -65,13 +65,13 @@ class PingsOnly(ServoError):
         self.device = device
 
 
-def moving_items(table: Table) -> set[str]:
+def moving_items(table: ControlTable) -> set[str]:
     """Return the items that move a servo or hold it."""
     effectors = {mode.effector for mode in table.modes}
     return effectors | {name for name in table.items if name.startswith("goal_")} | {TORQUE} & table.items.keys()
 
 
-def bus_for(link: Link, device: Device) -> ServoBus:
+def bus_for(link: Link, device: ServoDevice) -> ServoBus:
     """Return a bus that speaks the protocol of a device."""
     bus = ServoBus(link, 2 if device.protocol == 2 else 1)
     bus.protocols[device.id] = device.protocol
@@ -90,12 +90,12 @@ class ServoRegisters:
     Raises ServoError when nothing is known of its model.
     """
 
-    def __init__(self, link: Link, device: Device) -> None:
+    def __init__(self, link: Link, device: ServoDevice) -> None:
         if device.model == 0:
             raise PingsOnly(device)
         if device.table is None:
             raise ServoError(f"servo {device.id}: {device.name} is not known, so its registers are not")
-        self.table: Table = device.table
+        self.table: ControlTable = device.table
         self.bus = bus_for(link, device)
         self.device = device
         self.torque_was_on = False
@@ -232,13 +232,13 @@ class ServoRegisters:
             raise ServoError(f"servo {self.device.id}: its EEPROM is locked until it loses power: switch it off and on")
 
 
-def stored_items(table: Table) -> list[Item]:
+def stored_items(table: ControlTable) -> list[Item]:
     """Return the items that a restore may write: those of the EEPROM, but not id, speed and protocol."""
     fixed = {*OWN_COMMANDS, *moving_items(table), "protocol_type"}
     return [item for item in table.items.values() if item.area == "E" and "W" in item.access and item.name not in fixed]
 
 
-def differences(table: Table, wanted: Mapping[str, int], found: Mapping[str, int]) -> dict[str, tuple[int, int]]:
+def differences(table: ControlTable, wanted: Mapping[str, int], found: Mapping[str, int]) -> dict[str, tuple[int, int]]:
     """Return the EEPROM items that differ, in order of address: name -> (present value, wanted value)."""
     names = [item.name for item in stored_items(table) if item.name in wanted and item.name in found]
     return {name: (found[name], wanted[name]) for name in names if found[name] != wanted[name]}

@@ -24,7 +24,7 @@ from typing import Any, Final
 from urbihw.buses.errors import BadValue
 from urbihw.buses.servos import units
 from urbihw.buses.servos.calibration import keep_version
-from urbihw.buses.servos.item import Table
+from urbihw.buses.servos.item import ControlTable
 from urbihw.buses.servos.tables import table_of
 from urbihw.files import BadFile, cannot_read, read_regular, write_regular
 
@@ -56,7 +56,7 @@ class ServoBackup:
     registers: Mapping[str, int]
 
     @property
-    def table(self) -> Table | None:
+    def table(self) -> ControlTable | None:
         """Its control table, None for an unknown model."""
         return table_of(self.model)
 
@@ -104,7 +104,7 @@ def to_toml(backups: Iterable[ServoBackup], title: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def describe(table: Table | None, name: str, raw: int) -> str:
+def describe(table: ControlTable | None, name: str, raw: int) -> str:
     """Return a raw value in SI units, such as "1.57 rad"; "" for a plain number or an unknown item."""
     item = table.items.get(name) if table else None
     if item is None or item.unit == "count":
@@ -126,7 +126,7 @@ def from_toml(rows: Mapping[str, Any]) -> dict[int, ServoBackup]:
     return {backup.id: backup for backup in (_backup(key, row) for key, row in servos.items())}
 
 
-def _row(table: Table | None, name: str, raw: int) -> str:
+def _row(table: ControlTable | None, name: str, raw: int) -> str:
     words = describe(table, name, raw)
     return f"{name} = {raw}" + (f"  # {words}" if words else "")
 

@@ -18,7 +18,7 @@ from typing import Final
 from urbihw.buses.errors import BadFrame, BusError, BusTimeout, DeviceRefused
 from urbihw.buses.servos import packet
 from urbihw.buses.servos.bus import ServoBus
-from urbihw.buses.servos.device import Device, Scan
+from urbihw.buses.servos.device import ServoDevice, ServoScan
 from urbihw.buses.servos.plan import read_blocks
 from urbihw.buses.servos.status import FEETECH, Status
 from urbihw.buses.servos.tables import table_of
@@ -40,7 +40,7 @@ class ScanInterrupted(BusError):
 def scan(
     bus: ServoBus, ids: Iterable[int] | None = None, urgent: Callable[[], bool] = lambda: False,
     echo: bool | None = None,
-) -> Scan:
+) -> ServoScan:
     """Find the devices on `bus`, all ids or the given ones.  `echo`: whether the adapter echoes, if that is known.
 
     With protocol "auto" both are tried, 1.0 first; the first with an answer becomes the protocol of the bus, and
@@ -49,7 +49,7 @@ def scan(
     """
     wanted = None if ids is None else sorted(set(ids))
     bus.echo = _detect_echo(bus) if echo is None else echo
-    found: dict[int, Device] = {}
+    found: dict[int, ServoDevice] = {}
     conflicts: set[int] = set()
     spoken = []
     bus.protocols = {}
@@ -76,7 +76,7 @@ def scan(
                 bus.protocols[device.id] = device.protocol
     if bus.auto:
         bus.protocol = spoken[0] if spoken else 1
-    return Scan(tuple(found[number] for number in sorted(found.keys() - conflicts)), tuple(sorted(conflicts)))
+    return ServoScan(tuple(found[number] for number in sorted(found.keys() - conflicts)), tuple(sorted(conflicts)))
 
 
 def _detect_echo(bus: ServoBus) -> bool:
@@ -150,8 +150,8 @@ class _Sweep:
                 self._last_wait = min(max(self._last_wait, 2 * delay), _LONGEST_LAST_WAIT)
 
 
-def _confirm(bus: ServoBus, heard: dict[int, Status], doubtful: set[int]) -> Scan:
-    devices: dict[int, Device] = {}
+def _confirm(bus: ServoBus, heard: dict[int, Status], doubtful: set[int]) -> ServoScan:
+    devices: dict[int, ServoDevice] = {}
     conflicts = []
     held_up = []
     for number in sorted({*heard, *doubtful}):
@@ -174,7 +174,7 @@ def _confirm(bus: ServoBus, heard: dict[int, Status], doubtful: set[int]) -> Sca
         for number in held_up:
             with contextlib.suppress(BusTimeout, BadFrame):
                 devices[number] = identify(bus, number)
-    return Scan(tuple(devices[number] for number in sorted(devices)), tuple(conflicts))
+    return ServoScan(tuple(devices[number] for number in sorted(devices)), tuple(conflicts))
 
 
 def _ping_repeatedly(bus: ServoBus, device: int) -> str:
@@ -195,7 +195,7 @@ def _ping_repeatedly(bus: ServoBus, device: int) -> str:
     return "crowd" if 2 * crowded > _CONFLICT_PINGS else "nobody" if silent == _CONFLICT_PINGS else "one"
 
 
-def identify(bus: ServoBus, number: int, pong: Status | None = None) -> Device:
+def identify(bus: ServoBus, number: int, pong: Status | None = None) -> ServoDevice:
     """Return the description of a device; `pong` is its answer to a ping if there was one.
 
     A device that answers nothing but pings (status return level 0) gets model 0.
@@ -207,7 +207,7 @@ def identify(bus: ServoBus, number: int, pong: Status | None = None) -> Device:
     try:
         about = pong.params if protocol == 2 else bus.read(number, 0, _HEAD_1)
     except (BusTimeout, DeviceRefused):
-        return Device(number, 0, 0, protocol, {"status_return_level": 0})
+        return ServoDevice(number, 0, 0, protocol, {"status_return_level": 0})
     if protocol != 2:
         protocol = bus.protocols[number] = _maker_of(number, about)
     if protocol == FEETECH:
@@ -215,7 +215,7 @@ def identify(bus: ServoBus, number: int, pong: Status | None = None) -> Device:
         firmware = about[0] * 100 + about[1]
     else:
         model, firmware = about[0] | about[1] << 8, about[2]
-    found = Device(number, model, firmware, protocol)
+    found = ServoDevice(number, model, firmware, protocol)
     return replace(found, setup=_setup(bus, found))
 
 
@@ -233,7 +233,7 @@ def _maker_of(number: int, about: bytes) -> int:
     return FEETECH if table is not None and table.protocol == FEETECH else 1
 
 
-def _setup(bus: ServoBus, device: Device) -> dict[str, int]:
+def _setup(bus: ServoBus, device: ServoDevice) -> dict[str, int]:
     number, table = device.id, device.table
     values: dict[str, int] = {}
     if table is not None:

@@ -16,7 +16,7 @@ from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
 from urbihw.buses.servos import plan
 from urbihw.buses.servos.bus import ServoBus
 from urbihw.buses.servos.cycle import Cycle
-from urbihw.buses.servos.item import Motion, number_of
+from urbihw.buses.servos.item import ShaftMotion, number_of
 from urbihw.buses.servos.member import GOAL, PLACE, Member
 from urbihw.buses.servos.plan import TORQUE
 from urbihw.buses.servos.units import unit_of
@@ -103,7 +103,7 @@ def stop_what_moves(cycle: Cycle, members: Iterable[Member] | None = None) -> tu
     silent = []
     for member in cycle.motors() if members is None else members:
         mode = member.device.mode
-        effector = None if mode is None or mode.motion is Motion.POSITION else member.table.item(mode.effector)
+        effector = None if mode is None or mode.motion is ShaftMotion.POSITION else member.table.item(mode.effector)
         try:
             if effector is not None:
                 raw = effector.unpack(bus.read(member.device.id, effector.address, effector.size))
@@ -152,18 +152,18 @@ def _write(bus: ServoBus, members: Iterable[Member], values: Mapping[int, Mappin
 
 def _zero_goal(member: Member) -> dict[str, int]:
     mode = member.device.mode
-    return {mode.effector: 0} if mode is not None and mode.motion is Motion.RATE else {}
+    return {mode.effector: 0} if mode is not None and mode.motion is ShaftMotion.RATE else {}
 
 
 def _is_moved_joint(member: Member) -> bool:
     """Return whether it is a joint that this cycle has moved."""
     mode = member.device.mode
-    return member.moved and (mode is None or mode.motion is Motion.POSITION)
+    return member.moved and (mode is None or mode.motion is ShaftMotion.POSITION)
 
 
 def _unmoved_joints(motors: Iterable[Member]) -> list[Member]:
     """Return the joints that answer and that this cycle has not moved."""
-    joints = [m for m in motors if m.device.mode is None or m.device.mode.motion is Motion.POSITION]
+    joints = [m for m in motors if m.device.mode is None or m.device.mode.motion is ShaftMotion.POSITION]
     return [member for member in joints if not member.moved and member.health.state == "ok"]
 
 

@@ -22,8 +22,8 @@ from urbihw.buses.errors import BadFrame, BadUrl, BusTimeout, DeviceRefused
 from urbihw.buses.link import Link
 from urbihw.buses.servos import packet
 from urbihw.buses.servos.bus import ServoBus
-from urbihw.buses.servos.device import Device
-from urbihw.buses.servos.line import Line
+from urbihw.buses.servos.device import ServoDevice
+from urbihw.buses.servos.line import ServoLine
 from urbihw.buses.servos.plan import read_blocks
 from urbihw.buses.servos.scan import scan
 
@@ -53,7 +53,7 @@ Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)
-class Servo:
+class SurveyedServo:
     """A device as the survey found it.
 
     Attributes:
@@ -63,14 +63,14 @@ class Servo:
         state: the state bits of its answer to a ping: see `status.state_words`.
     """
 
-    device: Device
+    device: ServoDevice
     baud: int
     values: Mapping[str, int] = field(default_factory=dict)
     state: int = 0
 
 
 @dataclass(frozen=True)
-class Survey:
+class ServoSurvey:
     """Outcome of a survey.
 
     Attributes:
@@ -80,23 +80,23 @@ class Survey:
         seconds: the time that it took.
     """
 
-    servos: tuple[Servo, ...]
+    servos: tuple[SurveyedServo, ...]
     conflicts: tuple[tuple[int, int], ...]
     bauds: tuple[int, ...]
     seconds: float
 
 
 def survey(
-    line: Line,
+    line: ServoLine,
     bauds: Sequence[int] = BAUDS,
     protocols: Sequence[int] = (1, 2),
     *,
     thorough: bool = False,
     progress: Progress = lambda part, what: None,
-) -> Survey:
+) -> ServoSurvey:
     """Find all devices on a line; a speed that the port does not have is left out. Raises LinkGone, Unavailable."""
     start = line.link.clock.now()
-    servos: list[Servo] = []
+    servos: list[SurveyedServo] = []
     conflicts: list[tuple[int, int]] = []
     tried = []
     echo: bool | None = None  # of the adapter: the same at all speeds
@@ -116,7 +116,7 @@ def survey(
         servos += [read_live(bus, device) for device in found.devices]
         conflicts += [(baud, number) for number in found.conflicts]
     progress(1.0, "done")
-    return Survey(tuple(servos), tuple(conflicts), tuple(tried), line.link.clock.now() - start)
+    return ServoSurvey(tuple(servos), tuple(conflicts), tuple(tried), line.link.clock.now() - start)
 
 
 class _Meter:
@@ -183,7 +183,7 @@ def _listen(link: Link, request: bytes, seconds: float) -> Iterator[bytes]:
         deadline = min(max(deadline, link.clock.now() + _ADAPTER_DELAY), last)
 
 
-def read_live(bus: ServoBus, device: Device) -> Servo:
+def read_live(bus: ServoBus, device: ServoDevice) -> SurveyedServo:
     """Return a device with its live values and its state; what it does not answer is left out. Raises LinkGone."""
     values = dict(device.setup)
     table = device.table
@@ -198,4 +198,4 @@ def read_live(bus: ServoBus, device: Device) -> Servo:
         state = bus.ping(device.id).state
     except (BusTimeout, BadFrame):
         state = 0
-    return Servo(device, bus.link.baud, values, state)
+    return SurveyedServo(device, bus.link.baud, values, state)

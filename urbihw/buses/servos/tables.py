@@ -44,7 +44,7 @@ from functools import cache
 from importlib import resources
 from typing import Any, Final
 
-from urbihw.buses.servos.item import Item, Mode, Motion, Table, by_name
+from urbihw.buses.servos.item import ControlTable, Item, Mode, ShaftMotion, by_name
 from urbihw.buses.servos.status import FEETECH
 
 _FILES: Final = "models"
@@ -52,13 +52,13 @@ _NO_DEFAULT: Final = "-"
 _COLUMNS: Final = ("name", "address", "size", "access", "area", "low", "high", "default", "unit")
 
 
-def table_of(model: int) -> Table | None:
+def table_of(model: int) -> ControlTable | None:
     """Return the control table of a model number, None for a model we have no table of."""
     name = _tables_by_model().get(model)
     return None if name is None else table_named(name)
 
 
-def table_for(model: int, protocol: int) -> Table:
+def table_for(model: int, protocol: int) -> ControlTable:
     """Return the control table of a device; of an unknown model, what all models of its protocol share.
 
     Feetech and Dynamixel give their numbers on their own, so a number alone does not tell a model.
@@ -69,7 +69,7 @@ def table_for(model: int, protocol: int) -> Table:
 
 
 @cache
-def table_named(name: str) -> Table:
+def table_named(name: str) -> ControlTable:
     """Return a control table by its name. Raises KeyError."""
     file, models = _index()[name]
     rows = _read(file)["table"]
@@ -77,12 +77,12 @@ def table_named(name: str) -> Table:
 
 
 @cache
-def generic_table(protocol: int) -> Table:
+def generic_table(protocol: int) -> ControlTable:
     """Return the rows that all models of a protocol share, read only: what is known of an unknown model."""
     return table_named(f"unknown model, protocol {protocol}")
 
 
-def all_tables() -> tuple[Table, ...]:
+def all_tables() -> tuple[ControlTable, ...]:
     """Return the tables of all models, in order of the index. This reads every file."""
     return tuple(table_named(name) for name, (_, models) in _index().items() if models)
 
@@ -112,7 +112,7 @@ def _read(file: str) -> dict[str, Any]:
     return tomllib.loads((resources.files(__package__) / _FILES / f"{file}.toml").read_text(encoding="utf-8"))
 
 
-def _table(data: Mapping[str, Any], models: Mapping[int, str]) -> Table:
+def _table(data: Mapping[str, Any], models: Mapping[int, str]) -> ControlTable:
     base = table_named(data["base"]) if data.get("base") else None
 
     def get(name: str, default: Any) -> Any:
@@ -120,7 +120,7 @@ def _table(data: Mapping[str, Any], models: Mapping[int, str]) -> Table:
 
     big_endian = data["byte_order"] == "big" if "byte_order" in data else get("big_endian", False)
     errors = {int(bit): words for bit, words in data.get("hardware_errors", {}).items()}
-    return Table(
+    return ControlTable(
         name=data["name"],
         protocol=get("protocol", 0),
         models=models,
@@ -134,7 +134,7 @@ def _table(data: Mapping[str, Any], models: Mapping[int, str]) -> Table:
     )
 
 
-def _items(data: Mapping[str, Any], base: Table | None, big_endian: bool) -> dict[str, Item]:
+def _items(data: Mapping[str, Any], base: ControlTable | None, big_endian: bool) -> dict[str, Item]:
     rows = {} if base is None else {name: replace(row, big_endian=big_endian) for name, row in base.items.items()}
     for name in data.get("without", ()):
         del rows[name]
@@ -153,7 +153,7 @@ def _values(row: Mapping[str, Any]) -> dict[str, Any]:
     return {name: None if name == "default" and value == _NO_DEFAULT else value for name, value in row.items()}
 
 
-def _modes(data: Mapping[str, Any], base: Table | None) -> tuple[Mode, ...]:
+def _modes(data: Mapping[str, Any], base: ControlTable | None) -> tuple[Mode, ...]:
     inherited = () if base is None else base.modes
     if "modes" in data:
         inherited = tuple(mode for mode in inherited if mode.name in data["modes"])
@@ -161,7 +161,7 @@ def _modes(data: Mapping[str, Any], base: Table | None) -> tuple[Mode, ...]:
         Mode(
             name=mode["name"],
             effector=mode["effector"],
-            motion=Motion(mode["motion"]),
+            motion=ShaftMotion(mode["motion"]),
             limits=tuple(mode.get("limits", ())),
             when=tuple(mode["when"].items()),
             direction_bit=mode.get("direction_bit"),

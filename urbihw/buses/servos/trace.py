@@ -13,11 +13,11 @@ from typing import Any, Final
 
 from urbihw.buses.servos import units
 from urbihw.buses.servos.crc import crc16
-from urbihw.buses.servos.item import Item, Table
+from urbihw.buses.servos.item import ControlTable, Item
 from urbihw.buses.servos.packet import BROADCAST, HEADER_1, HEADER_2, split_fast, unstuff
 from urbihw.buses.servos.status import FEETECH, Status, refusal_words, state_words
 from urbihw.buses.servos.tables import table_for, table_named, table_of
-from urbihw.buses.trace import Cut, Direction, Packet, StreamDecoder, hex_of, with_unit
+from urbihw.buses.trace import Cut, Direction, StreamDecoder, TracedPacket, hex_of, with_unit
 
 _PING, _READ, _WRITE, _REG_WRITE = 0x01, 0x02, 0x03, 0x04
 _SYNC_READ, _SYNC_WRITE, _FAST_SYNC_READ = 0x82, 0x83, 0x8A
@@ -49,7 +49,7 @@ class ServoDecoder(StreamDecoder):
     def __init__(self, devices: Sequence[Mapping[str, Any]] = (), protocol_1: int = 1) -> None:
         super().__init__()
         self.protocol_1 = protocol_1
-        self._tables: dict[tuple[int, int], Table] = {}
+        self._tables: dict[tuple[int, int], ControlTable] = {}
         """(id, protocol) -> table of a device whose model is known."""
         self._expected: dict[int, Place | None] = {}
         self._joint: list[tuple[int, Place]] = []
@@ -98,16 +98,16 @@ class ServoDecoder(StreamDecoder):
 
     # Decoding.
 
-    def decode(self, time: float, direction: Direction, data: bytes) -> list[Packet]:
+    def decode(self, time: float, direction: Direction, data: bytes) -> list[TracedPacket]:
         """Return the packet, and before a request what was not answered before it."""
         self._writes_seen = self._writes_seen or direction == ">"
         two = data.startswith(HEADER_2)
         number = data[4] if two else data[2]
         if _is_damaged(data, two):
-            return [Packet(time, direction, _name(number), "?", "", "bad", "the checksum is wrong", data)]
+            return [TracedPacket(time, direction, _name(number), "?", "", "bad", "the checksum is wrong", data)]
         body = unstuff(data[7:-2]) if two else data[4:-1]
         if direction == "<" and self._is_echo(data):
-            return [Packet(time, direction, _name(number), "echo", "", "ok", data=data)]
+            return [TracedPacket(time, direction, _name(number), "echo", "", "ok", data=data)]
         repeated = not self._writes_seen and data == self._last_request
         if not repeated and self._is_status(direction, number, body, two):
             rest = body[1:] if two else body
@@ -115,9 +115,9 @@ class ServoDecoder(StreamDecoder):
         missing = self._silent()
         self._last_request, self._asked_at = data, time
         what, detail = self._request(number, body[0], body[1:], 2 if two else self.protocol_1)
-        return [*missing, Packet(time, direction, _name(number), what, detail, "ok", data=data)]
+        return [*missing, TracedPacket(time, direction, _name(number), what, detail, "ok", data=data)]
 
-    def flush(self) -> list[Packet]:
+    def flush(self) -> list[TracedPacket]:
         """Return what is left, and who has not answered."""
         return super().flush() + self._silent()
 
@@ -145,10 +145,10 @@ class ServoDecoder(StreamDecoder):
         place = self._expected[number]
         return size in (0, place[1] if place else 0)
 
-    def _silent(self) -> list[Packet]:
+    def _silent(self) -> list[TracedPacket]:
         """Return a packet for each device that was asked for something and has not answered; forget them."""
         found = [
-            Packet(self._asked_at, "<", _name(number), "no answer", problem="no answer")
+            TracedPacket(self._asked_at, "<", _name(number), "no answer", problem="no answer")
             for number, place in self._expected.items()
             if place is not None
         ]
@@ -227,7 +227,7 @@ class ServoDecoder(StreamDecoder):
 
     def _status(
         self, time: float, direction: Direction, number: int, body: bytes, data: bytes, two: bool
-    ) -> Packet:
+    ) -> TracedPacket:
         protocol = 2 if two else self.protocol_1
         if two and number == BROADCAST:
             return self._joint_status(time, direction, data)
@@ -243,9 +243,11 @@ class ServoDecoder(StreamDecoder):
             detail = self._values(number, protocol, place[0], status.params)
             if len(status.params) != place[1] and not status.refusal:
                 words.append(f"{len(status.params)} bytes instead of {place[1]}")
-        return Packet(time, direction, _name(number), "status", detail, "ok", ", ".join(filter(None, words)), data)
+        return TracedPacket(
+            time, direction, _name(number), "status", detail, "ok", ", ".join(filter(None, words)), data
+        )
 
-    def _joint_status(self, time: float, direction: Direction, data: bytes) -> Packet:
+    def _joint_status(self, time: float, direction: Direction, data: bytes) -> TracedPacket:
         """Return the packet of a joint answer: fast reads."""
         rows, self._joint = self._joint, []
         found = split_fast(data, [size for _, (_, size) in rows])
@@ -254,7 +256,7 @@ class ServoDecoder(StreamDecoder):
             self._expected.pop(number, None)
             detail.append(f"{number}: {self._values(number, 2, place[0], status.params)}")
         problem = "" if len(found) == len(rows) else f"{len(rows) - len(found)} of {len(rows)} are missing in it"
-        return Packet(time, direction, "all", "status", "; ".join(detail), "ok", problem, data)
+        return TracedPacket(time, direction, "all", "status", "; ".join(detail), "ok", problem, data)
 
     def _pinged(self, number: int, params: bytes, protocol: int) -> str:
         if len(params) < 3:
@@ -274,7 +276,7 @@ class ServoDecoder(StreamDecoder):
 
     # Registers.
 
-    def _table(self, number: int, protocol: int) -> Table:
+    def _table(self, number: int, protocol: int) -> ControlTable:
         return self._tables.get((number, protocol)) or table_named(_ASSUMED[protocol])
 
     def _names(self, number: int, protocol: int, place: Place) -> str:
@@ -343,7 +345,7 @@ def _parts(data: bytes, size: int) -> list[bytes]:
     return [data[at : at + size] for at in range(0, len(data) - size + 1, size)]
 
 
-def _items(table: Table, place: Place) -> list[Item]:
+def _items(table: ControlTable, place: Place) -> list[Item]:
     address, size = place
     return [item for item in table.items.values() if address <= item.address and item.end <= address + size]
 

@@ -32,7 +32,7 @@ _SYSTEM_BUFFER = 2000
 
 
 @dataclass(slots=True)
-class Counters:
+class ServoCounters:
     """Failed transactions since the bus was opened, by reason."""
 
     timeouts: int = 0
@@ -65,7 +65,7 @@ class TransactionChannel:
         self.protocols: dict[int, int] = {}
         self.echo = False
         self.response_timeout = ResponseTimeoutEstimator()
-        self.counters = Counters()
+        self.counters = ServoCounters()
         self._wire_free_at = 0.0
         self._overdue: tuple[int, float] | None = None
 
@@ -287,7 +287,7 @@ class TransactionChannel:
         noise = decoder.noise - (len(sent) if self.echo and protocol == 2 else 0)
         raise self._missing_answer(device, noise)
 
-    def _decoder(self, protocol: int, max_params: int, sent: bytes) -> packet.Decoder:
+    def _decoder(self, protocol: int, max_params: int, sent: bytes) -> packet.StatusDecoder:
         """Return a decoder for the answers to `sent`, whose echo it drops if there is one."""
         decoder = packet.decoder(protocol)
         decoder.max_params = max(max_params, 1)

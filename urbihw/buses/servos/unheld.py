@@ -16,7 +16,7 @@ from typing import Any, Final
 
 from urbihw.buses.errors import BadValue
 from urbihw.buses.messages import Limit
-from urbihw.buses.servos.item import Mode, Motion, is_place
+from urbihw.buses.servos.item import Mode, ShaftMotion, is_place
 from urbihw.buses.servos.member import GOAL, Member
 from urbihw.buses.servos.plan import TORQUE
 
@@ -105,7 +105,7 @@ def _motion_limit(member: Member, limits: Limits) -> Limit | None:
 
 def _is_kind_held(mode: Mode) -> bool:
     """Return whether limits can be kept in a mode: with a place or the speed of a wheel as its goal."""
-    return mode.motion is Motion.POSITION or mode.effector in _SPEEDS
+    return mode.motion is ShaftMotion.POSITION or mode.effector in _SPEEDS
 
 
 def _holds(member: Member, mode: Mode, rule: Limit, limits: Limits) -> bool:
@@ -113,7 +113,7 @@ def _holds(member: Member, mode: Mode, rule: Limit, limits: Limits) -> bool:
 
     Until then the table is that of the mode before.
     """
-    if mode.motion is Motion.POSITION:
+    if mode.motion is ShaftMotion.POSITION:
         return True
     return mode.effector in _SPEEDS and (rule.rate == math.inf or (member.device.id, mode.effector) in limits)
 

@@ -55,7 +55,7 @@ _BASES: Final = {
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
+class CountUnit:
     """The conversion between raw counts and SI units.
 
     Attributes:
@@ -73,11 +73,11 @@ class Unit:
     both_ways: bool = False
 
 
-def _linear(symbol: str, step: float, zero: float = 0.0) -> Unit:
-    return Unit(symbol, lambda raw: (raw - zero) * step, lambda value: round(value / step + zero))
+def _linear(symbol: str, step: float, zero: float = 0.0) -> CountUnit:
+    return CountUnit(symbol, lambda raw: (raw - zero) * step, lambda value: round(value / step + zero))
 
 
-def _sign_magnitude(symbol: str, step: float) -> Unit:
+def _sign_magnitude(symbol: str, step: float) -> CountUnit:
     def to_si(raw: int) -> float:
         size = (raw & _AX_FULL) * step
         return -size if raw & _DIRECTION else size
@@ -86,12 +86,12 @@ def _sign_magnitude(symbol: str, step: float) -> Unit:
         size = min(round(abs(value) / step), _AX_FULL)
         return size | _DIRECTION if value < 0 and size else size
 
-    return Unit(symbol, to_si, to_raw, both_ways=True)
+    return CountUnit(symbol, to_si, to_raw, both_ways=True)
 
 
-def _unlimited_at_zero(symbol: str, step: float, high: int | None = None) -> Unit:
+def _unlimited_at_zero(symbol: str, step: float, high: int | None = None) -> CountUnit:
     """Raw 0 means "no limit" and is infinity; the lowest limit is raw 1."""
-    return Unit(
+    return CountUnit(
         symbol,
         lambda raw: raw * step if raw else math.inf,
         lambda value: 0 if value == math.inf else max(1, round(value / step)),
@@ -99,12 +99,12 @@ def _unlimited_at_zero(symbol: str, step: float, high: int | None = None) -> Uni
     )
 
 
-def _ax_baud() -> Unit:
-    return Unit("bit/s", lambda raw: 2e6 / (raw + 1), lambda value: round(2e6 / value) - 1)
+def _ax_baud() -> CountUnit:
+    return CountUnit("bit/s", lambda raw: 2e6 / (raw + 1), lambda value: round(2e6 / value) - 1)
 
 
-def _baud(*speeds: int) -> Unit:
-    return Unit(
+def _baud(*speeds: int) -> CountUnit:
+    return CountUnit(
         "bit/s",
         lambda raw: float(speeds[raw]) if raw < len(speeds) else math.nan,
         lambda value: min(range(len(speeds)), key=lambda index: abs(speeds[index] - value)),
@@ -112,29 +112,29 @@ def _baud(*speeds: int) -> Unit:
     )
 
 
-def _mx_baud() -> Unit:
+def _mx_baud() -> CountUnit:
     """As `ax_baud` up to 249, then three speeds of their own."""
     fast = {250: 2_250_000, 251: 2_500_000, 252: 3_000_000}
-    return Unit(
+    return CountUnit(
         "bit/s",
         lambda raw: float(fast.get(raw, 2_000_000 / (raw + 1))),
         lambda value: next((raw for raw, speed in fast.items() if speed == value), round(2e6 / value) - 1),
     )
 
 
-def _sts_goal_speed() -> Unit:
+def _sts_goal_speed() -> CountUnit:
     """Raw 0 means "no limit" for a joint; the register is that of the speed of a wheel, so it has negative counts."""
     plain = _linear("rad/s", _X_STEP)
-    return Unit(
+    return CountUnit(
         "rad/s",
         lambda raw: plain.to_si(raw) if raw else math.inf,
         lambda value: 0 if value == math.inf else plain.to_raw(value) or 1,
     )
 
 
-def _buzzer_time() -> Unit:
+def _buzzer_time() -> CountUnit:
     """0.3 to 5 s in tenths; 254 rings until 0 is written. 255 (play a melody) is no duration: write it raw."""
-    return Unit(
+    return CountUnit(
         "s",
         lambda raw: math.inf if raw >= 254 else min(max(raw, 3), 50) / 10,
         lambda value: 254 if math.isinf(value) else 0 if value <= 0 else min(max(round(value * 10), 3), 50),
@@ -198,13 +198,13 @@ UNITS: Final = {
 }
 
 
-def unit_of(item: Item, wheel: bool = False) -> Unit:
+def unit_of(item: Item, wheel: bool = False) -> CountUnit:
     """Return the unit of `item`; `wheel`: the servo is in wheel mode."""
     return unit_named(item.wheel_unit if wheel and item.wheel_unit else item.unit)
 
 
 @cache
-def unit_named(name: str) -> Unit:
+def unit_named(name: str) -> CountUnit:
     """Return a unit by its name in a table. Raises KeyError and ValueError for a mistake in the table."""
     if name in UNITS:
         return UNITS[name]
@@ -245,5 +245,5 @@ def limits_si(item: Item, wheel: bool = False) -> tuple[float, float]:
     return min(ends), max(ends)
 
 
-def _high(item: Item, unit: Unit) -> int:
+def _high(item: Item, unit: CountUnit) -> int:
     return item.high if unit.high is None else min(item.high, unit.high)

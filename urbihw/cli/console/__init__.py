@@ -17,7 +17,7 @@ import sys
 from importlib.util import find_spec
 
 from urbihw.cli.lobby_client import LobbyClient
-from urbihw.cli.options import DEFAULT_PORT, Refused, complain, port
+from urbihw.cli.options import DEFAULT_PORT, CliRefused, complain, port
 from urbihw.cli.reach import add_access, credentials, resolve_server
 from urbihw.exitcodes import EX_CONFIG, INTERRUPTED
 from urbihw.extras import install_command
@@ -63,14 +63,14 @@ def run(options: argparse.Namespace) -> int:
             return plain.run_session(where, who, sys.stdin.buffer)
         missing = [name for name in NEEDED if find_spec(name) is None]
         if missing:
-            raise Refused(f"this needs {' and '.join(missing)}: {install_command('console')}; or use --plain",
-                          EX_CONFIG)
+            raise CliRefused(f"this needs {' and '.join(missing)}: {install_command('console')}; or use --plain",
+                             EX_CONFIG)
         from urbihw.cli.console import screen
 
         if where.tls:
             LobbyClient(where, who).close()  # Asks the user all questions, before the prompt has the terminal.
         return asyncio.run(screen.run_session(where, who, os.environ))
-    except Refused as error:
+    except CliRefused as error:
         return complain("urbihw console", error)
     except KeyboardInterrupt:
         return INTERRUPTED

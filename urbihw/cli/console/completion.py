@@ -10,7 +10,7 @@ from prompt_toolkit.completion import CompleteEvent, Completer, Completion
 from prompt_toolkit.document import Document
 
 from urbihw.cli.console.assistant import Assistant, NoAnswer
-from urbihw.cli.console.session import Session
+from urbihw.cli.console.session import ConsoleSession
 from urbihw.client.subject import Subject, subject
 from urbihw.kernel.stages import WORDS
 
@@ -21,7 +21,7 @@ _IDENTIFIER: Final = re.compile(r"[A-Za-z_]\w*")
 class LiveCompleter(Completer):
     """Completes with names from the server; without an answer, with the words of the language only."""
 
-    def __init__(self, session: Session, assistant: Assistant) -> None:
+    def __init__(self, session: ConsoleSession, assistant: Assistant) -> None:
         self._session = session
         self._assistant = assistant
 

@@ -12,7 +12,7 @@ import threading
 from typing import BinaryIO, Final
 
 from urbihw.cli.lobby_client import LobbyClient
-from urbihw.cli.options import Refused
+from urbihw.cli.options import CliRefused
 from urbihw.client.credentials import Credentials
 from urbihw.client.session import Message
 from urbihw.client.where import Where
@@ -29,7 +29,7 @@ END_TIMEOUT_S: Final = 1.0
 def run_session(where: Where, who: Credentials, source: BinaryIO) -> int:
     """Send all of ``source``, and print the output of the server.
 
-    Returns the exit code: 0, or 65 or 70 if the first error was a syntax error or a run-time error.  Raises Refused.
+    Returns the exit code: 0, or 65 or 70 if the first error was a syntax error or a run-time error.  Raises CliRefused.
     """
     with LobbyClient(where, who) as link:
         link.read_banner()
@@ -60,9 +60,9 @@ class PipeSession:
                 # The input contained quit or shutdown.
                 return self._code
             elif self._link.ended:
-                raise Refused(f"{self._link.peer} closed the connection", EX_UNAVAILABLE)
+                raise CliRefused(f"{self._link.peer} closed the connection", EX_UNAVAILABLE)
             elif self._incomplete:
-                raise Refused("the input ends within a statement, which was not run", EX_SYNTAX)
+                raise CliRefused("the input ends within a statement, which was not run", EX_SYNTAX)
 
     def _send_all(self) -> None:
         """Send the input to its end, then a statement whose answer shows that the input has run."""

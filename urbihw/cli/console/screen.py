@@ -25,8 +25,8 @@ from urbihw.cli.console.completion import LiveCompleter
 from urbihw.cli.console.help import KEYS, described
 from urbihw.cli.console.lexer import UrbiscriptLexer
 from urbihw.cli.console.prompt_printer import PromptPrinter
-from urbihw.cli.console.session import Session
-from urbihw.cli.options import Refused
+from urbihw.cli.console.session import ConsoleSession
+from urbihw.cli.options import CliRefused
 from urbihw.client.credentials import Credentials
 from urbihw.client.lines import Line
 from urbihw.client.subject import whole_path
@@ -39,7 +39,7 @@ INDENT: Final = "  "
 
 
 async def run_session(where: Where, who: Credentials, environment: Mapping[str, str]) -> int:
-    """Run the console until Ctrl-D.  Raises Refused if the first connection fails."""
+    """Run the console until Ctrl-D.  Raises CliRefused if the first connection fails."""
     screen = Screen(where, who, history(environment))
     await screen.connect()
     return await screen.run()
@@ -62,7 +62,7 @@ class Screen:
     """One session at a terminal."""
 
     def __init__(self, where: Where, who: Credentials, remembered: History) -> None:
-        self._session = Session(where, who, self._heard, self._changed)
+        self._session = ConsoleSession(where, who, self._heard, self._changed)
         self._assistant = Assistant(where, who)
         # Computed with each key, and again for Enter.
         self._unfinished = lru_cache(maxsize=2)(unfinished)
@@ -88,15 +88,15 @@ class Screen:
     # ---------------------------------------------------------------- the connection
 
     async def connect(self) -> None:
-        """Open the connection and keep it open.  Raises Refused if the first attempt fails."""
+        """Open the connection and keep it open.  Raises CliRefused if the first attempt fails."""
         self._keeping = asyncio.ensure_future(self._session.run())
         await asyncio.wait_for(self._connected.wait(), FIRST_TIMEOUT_S)
         if self._session.state != "connected":
             self._keeping.cancel()
             if self._session.state == "denied":
-                raise Refused(self._session.reason)
-            raise Refused(f"cannot connect to {self._session.name}: {self._session.reason}; is the server running, "
-                          "is this its address?", NO_SERVER)
+                raise CliRefused(self._session.reason)
+            raise CliRefused(f"cannot connect to {self._session.name}: {self._session.reason}; is the server running, "
+                             "is this its address?", NO_SERVER)
 
     def _changed(self) -> None:
         self._connected.set()

@@ -27,7 +27,7 @@ CHANNEL: Final = "__urbihw_console"
 State = Literal["connecting", "connected", "lost", "denied"]
 
 
-class Session:
+class ConsoleSession:
     """The connection to one server, while the console runs or until the server refuses the credentials ("denied").
 
     ``heard`` is called with the lines of each packet.  ``changed`` is called when ``state`` has changed; ``reason`` is

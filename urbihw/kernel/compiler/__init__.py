@@ -17,7 +17,7 @@ May import ``syntax`` only: what generated code needs at run time it takes from 
 """
 
 from urbihw.kernel.compiler.compile import compile_node
-from urbihw.kernel.compiler.unit import Unit
+from urbihw.kernel.compiler.unit import CompiledUnit
 from urbihw.kernel.syntax.printer import print_node
 
-__all__ = ["Unit", "compile_node", "print_node"]
+__all__ = ["CompiledUnit", "compile_node", "print_node"]

@@ -10,8 +10,8 @@ A local that an inner frame reads is *captured*; one that is captured and assign
 that all frames (and watched conditions) see the change.  A local declared inside a loop is a fresh one in each turn:
 an inner function that captures it is made by a factory taking it as a parameter.
 
-A visitor is a function of a node and of the ``Binder``.  It stores its results on the node (``syntax.binding.Bound``).
-``VISITORS`` has the visitor of each class of nodes.
+A visitor is a function of a node and of the ``Binder``.  It stores its results on the node
+(``syntax.binding.BoundNode``).  ``VISITORS`` has the visitor of each class of nodes.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from collections.abc import Iterable
 from typing import Final
 
 from urbihw.kernel.compiler import bind_flow, bind_names
-from urbihw.kernel.compiler.scopes import Binding, Scope
+from urbihw.kernel.compiler.scopes import Binding, NameScope
 from urbihw.kernel.compiler.walk import SCOPE_TAG, Binder, Visitors
 from urbihw.kernel.syntax import ast
-from urbihw.kernel.syntax.pace import Pace
+from urbihw.kernel.syntax.pace import StepPace
 
 VISITORS: Final[Visitors] = {
     ast.This: bind_names.bind_this,
-    ast.CallMessage: bind_names.bind_call_message,
+    ast.CallKeyword: bind_names.bind_call_message,
     ast.Call: bind_names.bind_operation,
     ast.And: bind_names.bind_operation,
     ast.Or: bind_names.bind_operation,
@@ -60,18 +60,22 @@ VISITORS: Final[Visitors] = {
 
 
 def bind(
-    node: ast.Node, lazy_names: Iterable[str], late: Iterable[str] = (), apart: bool = False, pace: Pace | None = None
+    node: ast.Node,
+    lazy_names: Iterable[str],
+    late: Iterable[str] = (),
+    apart: bool = False,
+    pace: StepPace | None = None,
 ) -> Binding:
     """Find the local variables of one top-level statement; ``late`` are names of variables of a waiting frame.
 
     ``apart``: code that is nested too deep in loops, tags and ``try``s becomes a separate function.  Raises TooDeep,
     and TooLong for a statement that captures too many variables; the nodes are unchanged then.
     """
-    binder = Binder(VISITORS, lazy_names, apart, pace or Pace())
+    binder = Binder(VISITORS, lazy_names, apart, pace or StepPace())
     for name in late:
         local = binder.declare(name)
         local.late = local.maybe_void = True
-    binder.scope = Scope(binder.scope, binder.frame, slots=True, block=True)
+    binder.scope = NameScope(binder.scope, binder.frame, slots=True, block=True)
     try:
         binder.bound(node)
         binder.walk(node)

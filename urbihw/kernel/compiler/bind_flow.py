@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from urbihw.kernel.compiler.bind_names import bind_pattern, bind_values
-from urbihw.kernel.compiler.scopes import Scope, binding_names
+from urbihw.kernel.compiler.scopes import NameScope, binding_names
 from urbihw.kernel.compiler.walk import SCOPE_TAG, Binder
 from urbihw.kernel.syntax import ast
-from urbihw.kernel.syntax.binding import Frame
+from urbihw.kernel.syntax.binding import FunctionFrame
 
 # ---------------------------------------------------------------- composition and flow
 
 
 def bind_scope(node: ast.Scope, b: Binder) -> None:
     """``{ body }``."""
-    b.scope = Scope(b.scope, b.frame, slots=False, block=True)
+    b.scope = NameScope(b.scope, b.frame, slots=False, block=True)
     b.walk(node.body)
     tag = b.scope.names.get(SCOPE_TAG)
     if tag is not None:
@@ -204,9 +204,9 @@ def bind_condition(cond: ast.EventCond | ast.ExprCond, b: Binder) -> tuple[ast.N
         return ()
     b.walk(cond.event)
     patterns = cond.patterns or ()
-    frame = b.bound(cond).frame = Frame(b.frame)
+    frame = b.bound(cond).frame = FunctionFrame(b.frame)
     outer = (b.frame, b.scope)
-    b.frame, b.scope = frame, Scope(b.scope, frame, slots=False)
+    b.frame, b.scope = frame, NameScope(b.scope, frame, slots=False)
     for pattern in patterns:
         bind_values(pattern, b)
     frame.params = [b.declare(name) for name in binding_names(patterns)]

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Final
 
 from urbihw.kernel.compiler.operations import LOGICAL, operator_of
-from urbihw.kernel.compiler.scopes import Scope, binding_names, is_binding, left_of, spine
+from urbihw.kernel.compiler.scopes import NameScope, binding_names, is_binding, left_of, spine
 from urbihw.kernel.compiler.walk import SCOPE_TAG, Binder
 from urbihw.kernel.syntax import ast
-from urbihw.kernel.syntax.binding import Frame, Local
+from urbihw.kernel.syntax.binding import FunctionFrame, Local
 
 DETACHERS: Final = ("detach", "spawn")
 """Functions that start detached jobs, which keep the tags of their maker."""
@@ -22,7 +22,7 @@ def bind_this(node: ast.This | ast.Property, b: Binder) -> None:
     b.use_this(node)
 
 
-def bind_call_message(node: ast.CallMessage, b: Binder) -> None:
+def bind_call_message(node: ast.CallKeyword, b: Binder) -> None:
     """``call``: that of the innermost function."""
     frame = b.function_around()
     if frame is not None:
@@ -205,10 +205,10 @@ def bind_values(node: ast.Node, b: Binder) -> None:
 
 def bind_function(node: ast.Function, b: Binder) -> None:
     """A function literal: a frame with ``call``, the arguments, and ``this`` if it is no closure."""
-    frame = Frame(b.frame, literal=True)
+    frame = FunctionFrame(b.frame, literal=True)
     b.bound(node).function = frame
     outer = (b.frame, b.scope, b.this, b.blocks)
-    b.frame, b.scope, b.blocks = frame, Scope(b.scope, frame, slots=False), 0
+    b.frame, b.scope, b.blocks = frame, NameScope(b.scope, frame, slots=False), 0
     b.scope.names["call"] = frame.call = Local("call", frame.unique("call"), frame, False)
     if node.closure:
         b.use_this(node)
@@ -243,7 +243,7 @@ def bind_class(node: ast.Class, b: Binder) -> None:
 def bind_body(body: ast.Scope, b: Binder) -> None:
     """A body whose ``this`` is an object of its own, and whose variables are slots of that."""
     outer_scope, outer_this = b.scope, b.this
-    b.scope = Scope(b.scope, b.frame, slots=True)
+    b.scope = NameScope(b.scope, b.frame, slots=True)
     b.this = b.bound(body).this = b.declare("this")
     b.walk(body.body)
     b.scope, b.this = outer_scope, outer_this

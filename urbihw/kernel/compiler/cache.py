@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Set
 
-from urbihw.kernel.compiler.unit import Unit
+from urbihw.kernel.compiler.unit import CompiledUnit
 
 
 class UnitCache:
@@ -17,10 +17,10 @@ class UnitCache:
     def __init__(self, size: int = 2048, longest: int = 1000) -> None:
         self.size = size
         self.longest = longest
-        self._units: dict[str, Unit] = {}
+        self._units: dict[str, CompiledUnit] = {}
         self._state: tuple[int, bool] = (0, False)
 
-    def get(self, text: str, lazy_names: Set[str], generic: bool, make: Callable[[], Unit]) -> Unit:
+    def get(self, text: str, lazy_names: Set[str], generic: bool, make: Callable[[], CompiledUnit]) -> CompiledUnit:
         """The unit of a statement; ``make`` compiles it if it is not in the cache.  ``text`` is the source without its
         position.
         """

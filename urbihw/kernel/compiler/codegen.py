@@ -20,16 +20,16 @@ from urbihw.kernel.compiler.scopes import Binding
 from urbihw.kernel.compiler.visit import write_stmt, write_tagged_scope
 from urbihw.kernel.compiler.writer import RETURN, Expressions, Statements, Writer
 from urbihw.kernel.syntax import ast
-from urbihw.kernel.syntax.pace import Pace
+from urbihw.kernel.syntax.pace import StepPace
 
 EXPRESSIONS: Final[Expressions] = {
     ast.Float: expressions.make_float,
-    ast.String: expressions.make_string,
+    ast.StringLiteral: expressions.make_string,
     ast.ListLit: expressions.make_list_literal,
     ast.TupleLit: expressions.make_tuple_literal,
     ast.DictLit: expressions.make_dictionary,
     ast.This: expressions.make_this,
-    ast.CallMessage: expressions.make_call_message,
+    ast.CallKeyword: expressions.make_call_message,
     ast.Call: expressions.make_call,
     ast.External: expressions.make_external,
     ast.Property: expressions.make_property,
@@ -73,7 +73,7 @@ STATEMENTS: Final[Statements] = {
 """The visitors of nodes that become Python statements; they deliver the value if it is needed."""
 
 
-def write_unit(node: ast.Node, binding: Binding, generic: bool, pace: Pace) -> tuple[py.FunctionDef, Writer]:
+def write_unit(node: ast.Node, binding: Binding, generic: bool, pace: StepPace) -> tuple[py.FunctionDef, Writer]:
     """The function ``statement(this)`` of a bound statement, and the writer with the tables of its unit."""
     w = Writer(binding, EXPRESSIONS, STATEMENTS, generic, pace)
     p = w.mark(node)

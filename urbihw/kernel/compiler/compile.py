@@ -13,10 +13,10 @@ from urbihw.kernel import errors
 from urbihw.kernel.compiler.bind import bind
 from urbihw.kernel.compiler.codegen import write_unit
 from urbihw.kernel.compiler.pieces import code_of, cut
-from urbihw.kernel.compiler.unit import Unit
+from urbihw.kernel.compiler.unit import CompiledUnit
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.binding import UNBOUND
-from urbihw.kernel.syntax.pace import Pace
+from urbihw.kernel.syntax.pace import StepPace
 
 EXTRA_CALLS = 7000
 """Additional Python calls that the compiler may nest."""
@@ -29,8 +29,8 @@ def compile_node(
     late: Iterable[str] = (),
     generic: bool = False,
     keep_tree: bool = False,
-    pace: Pace | None = None,
-) -> Unit:
+    pace: StepPace | None = None,
+) -> CompiledUnit:
     """Compile one top-level statement.  With a ``pace``, the work pauses and long functions are cut.
 
     ``lazy_names`` are the names known to belong to lazy functions; ``late`` are local variables reached through
@@ -64,14 +64,14 @@ def _compile(
     late: Iterable[str],
     generic: bool,
     keep_tree: bool,
-    pace: Pace | None,
+    pace: StepPace | None,
     apart: bool,
-) -> Unit:
+) -> CompiledUnit:
     """``compile_node``; with ``apart`` loops, tags and ``try`` deep inside others are functions of their own.
 
     Raises SyntaxError if the nesting is too deep for Python.
     """
-    steps = Pace() if pace is None else pace
+    steps = StepPace() if pace is None else pace
     with _deep():
         binding = bind(node, lazy_names, late, apart, steps)
         try:
@@ -81,7 +81,7 @@ def _compile(
             binding.release()
     pieces = [] if pace is None else cut(function, pace)
     tree = pyast.Module([function], []) if keep_tree else None
-    return Unit(code_of(function), writer.entries, writer.constants, writer.syntax, pieces, tree)
+    return CompiledUnit(code_of(function), writer.entries, writer.constants, writer.syntax, pieces, tree)
 
 
 @contextmanager

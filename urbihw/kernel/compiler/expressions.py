@@ -32,7 +32,7 @@ def make_float(node: ast.Float, w: Writer) -> py.expr:
     return py.BinOp(const(node.value, p), py.Add(), name("ZERO", p), **p)
 
 
-def make_string(node: ast.String, w: Writer) -> py.expr:
+def make_string(node: ast.StringLiteral, w: Writer) -> py.expr:
     """A string literal, adjacent ones glued."""
     p = w.mark(node)
     return call("new_string", [const(node.value, p)], p)
@@ -62,7 +62,7 @@ def make_this(node: ast.This, w: Writer) -> py.expr:
     return w.this(node, w.mark(node))
 
 
-def make_call_message(node: ast.CallMessage, w: Writer) -> py.expr:
+def make_call_message(node: ast.CallKeyword, w: Writer) -> py.expr:
     """``call``: the message by which the running function was called."""
     local = node.bound.local
     assert local is not None

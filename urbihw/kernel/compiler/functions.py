@@ -13,7 +13,7 @@ from urbihw.kernel.compiler.unit import FunctionInfo
 from urbihw.kernel.compiler.visit import Maker, make_expr, make_in_order, make_thunk, make_value, write_body, write_stmt
 from urbihw.kernel.compiler.writer import RETURN, Writer
 from urbihw.kernel.syntax import ast
-from urbihw.kernel.syntax.binding import Frame
+from urbihw.kernel.syntax.binding import FunctionFrame
 from urbihw.kernel.syntax.printer import print_node
 
 COMPARED = (*COMPARISONS, *EQUALITY, "===", "!==", "~=", "=~=")
@@ -45,7 +45,7 @@ def make_function(node: ast.Function, w: Writer) -> py.expr:
     return call("function", [made, w.constant(info, p)], p)
 
 
-def write_function_body(node: ast.Function, w: Writer, frame: Frame, p: Pos) -> None:
+def write_function_body(node: ast.Function, w: Writer, frame: FunctionFrame, p: Pos) -> None:
     """Defaults, boxes, the body, and the handler of a return from another job."""
     if node.closure:  # a closure captures its target even if it does not use it: the target is part of its identity
         w.emit(do(w.this(node, p), p))
@@ -116,7 +116,7 @@ def write_claim(claim: ast.Node, w: Writer) -> None:
     local = claim.bound.local
     if not isinstance(claim, ast.Call) or claim.target is None and claim.args is None and local is not None:
         made = make_expr(claim, w)
-        known = isinstance(claim, ast.Float | ast.String | ast.ListLit | ast.TupleLit | ast.DictLit)
+        known = isinstance(claim, ast.Float | ast.StringLiteral | ast.ListLit | ast.TupleLit | ast.DictLit)
         w.emit(do(call("assert_value", [text, made, const(known, p)], p), p))
         return
     function: py.expr = const(None, p)

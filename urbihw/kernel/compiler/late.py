@@ -17,7 +17,7 @@ from typing import Any
 from urbihw.kernel.compiler.linemap import LineMap
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.binding import Known, Names
-from urbihw.kernel.syntax.pace import Pace
+from urbihw.kernel.syntax.pace import StepPace
 
 
 class LateSites:
@@ -28,7 +28,7 @@ class LateSites:
     def __init__(self) -> None:
         self._sites: list[tuple[ast.Call, Known]] = []
 
-    def add(self, node: ast.Call, pace: Pace) -> int:
+    def add(self, node: ast.Call, pace: StepPace) -> int:
         """Remember a call and where the locals that its arguments name live; its number."""
         names = node.bound.known = _names(node.args or (), pace)
         self._sites.append((node, names))
@@ -76,7 +76,7 @@ class FrameLocals:
             ctypes.pythonapi.PyFrame_LocalsToFast(ctypes.py_object(self._frame), ctypes.c_int(0))
 
 
-def _names(nodes: tuple[ast.Node, ...], pace: Pace) -> Known:
+def _names(nodes: tuple[ast.Node, ...], pace: StepPace) -> Known:
     """All locals that the nodes name."""
     found: Names = {}
     inner: list[Known] = []

@@ -15,8 +15,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
-from urbihw.kernel.compiler.linemap import Entry
-from urbihw.kernel.compiler.unit import FunctionInfo, Syntax, Unit
+from urbihw.kernel.compiler.linemap import MappedPlace
+from urbihw.kernel.compiler.unit import CompiledUnit, FunctionInfo, Syntax
 from urbihw.kernel.syntax.cache_folder import read_cached, write_cached
 from urbihw.kernel.syntax.location import Position, Span
 
@@ -26,7 +26,7 @@ log = logging.getLogger("urbihw.kernel")
 class Compiled(NamedTuple):
     """One statement of a program: its unit, its position, and the separator after it."""
 
-    unit: Unit
+    unit: CompiledUnit
     base: Position
     separator: str
 
@@ -52,24 +52,24 @@ def key_of(text: str, lazy_names: Iterable[str]) -> str:
     return digest.hexdigest()[:32]
 
 
-class Part(NamedTuple):
+class LibraryPart(NamedTuple):
     """One statement of a program on the disk: ``state`` is the compiler's state for it, in addition to the key."""
 
     state: tuple[int, bool]
     packed: bytes
 
 
-def load_parts(key: str) -> list[Part]:
+def load_parts(key: str) -> list[LibraryPart]:
     """The stored statements of a program; an empty list if it is not stored."""
     content = read_cached(f"{key}.bin")
     try:
-        return [] if content is None else [Part(*part) for part in marshal.loads(content)]
+        return [] if content is None else [LibraryPart(*part) for part in marshal.loads(content)]
     except Exception as error:
         log.debug("compiled program not used: %s", error)
         return []
 
 
-def store_parts(key: str, parts: list[Part]) -> None:
+def store_parts(key: str, parts: list[LibraryPart]) -> None:
     """Store a program; does nothing where the folder cannot be written."""
     write_cached(f"{key}.bin", marshal.dumps([tuple(part) for part in parts]))
 
@@ -85,7 +85,7 @@ def load(key: str) -> list[Compiled] | None:
 
 def store(key: str, program: list[Compiled]) -> None:
     """Store a compiled program whose statements were compiled in the state of the key."""
-    store_parts(key, [Part((0, False), pack(part)) for part in program])
+    store_parts(key, [LibraryPart((0, False), pack(part)) for part in program])
 
 
 _Entries = list[tuple[tuple[int, ...], str | None, int]]
@@ -107,9 +107,9 @@ def unpack(packed: bytes) -> Compiled:
     """Deserialize a statement; may raise any error for data that ``pack`` has not made."""
     code, pieces, entries, infos, syntax, base, separator = marshal.loads(packed)
     cold = Syntax(packed=syntax)
-    table = [Entry(Span(*span), name, outer) for span, name, outer in entries]
+    table = [MappedPlace(Span(*span), name, outer) for span, name, outer in entries]
     constants = [
         FunctionInfo(least, most, lazy, uses_call, closure, formals, cold, index)
         for least, most, lazy, uses_call, closure, formals, index in infos
     ]
-    return Compiled(Unit(code, table, constants, cold, pieces), Position(*base), separator)
+    return Compiled(CompiledUnit(code, table, constants, cold, pieces), Position(*base), separator)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from urbihw.kernel.syntax.location import Location, Position, Span
 
 
-class Entry(NamedTuple):
+class MappedPlace(NamedTuple):
     """One place in a unit's source."""
 
     span: Span
@@ -20,7 +20,7 @@ class Entry(NamedTuple):
     outer: int
 
 
-class Step(NamedTuple):
+class MappedCall(NamedTuple):
     """A location and the name called there."""
 
     location: Location
@@ -32,17 +32,17 @@ class LineMap:
 
     __slots__ = ("base", "entries", "syntax", "system")
 
-    def __init__(self, entries: list[Entry], base: Position, system: bool, syntax: object) -> None:
+    def __init__(self, entries: list[MappedPlace], base: Position, system: bool, syntax: object) -> None:
         self.entries = entries
         self.base = base
         self.system = system
         self.syntax = syntax
 
-    def frames(self, index: int) -> list[Step]:
+    def frames(self, index: int) -> list[MappedCall]:
         """The urbiscript call frames of one instruction, innermost first."""
         steps = []
         while 0 < index < len(self.entries):
             entry = self.entries[index]
-            steps.append(Step(Location.of(entry.span, self.base), entry.name))
+            steps.append(MappedCall(Location.of(entry.span, self.base), entry.name))
             index = entry.outer
         return steps

@@ -53,7 +53,7 @@ def make_operator(node: ast.Call, w: Writer) -> py.expr:
     left, right = node.target, node.args[0]
     if node.name in COMPARISONS:
         return make_boolean(w, make_comparison(node, w, left, right), node)
-    if node.name == "+" and isinstance(right, ast.String):
+    if node.name == "+" and isinstance(right, ast.StringLiteral):
         text = const(right.value, w.mark(right))
         return call("join", [make_operand(left, w), text], w.mark(node, node.name))
     if node.name in ARITHMETIC:

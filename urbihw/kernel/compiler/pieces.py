@@ -19,7 +19,7 @@ from typing import Any, Final
 
 from urbihw.kernel import errors
 from urbihw.kernel.compiler.emit import LOAD, STORE, Pos, call, const, do, if_, is_, name, position, set_, walrus
-from urbihw.kernel.syntax.pace import Pace
+from urbihw.kernel.syntax.pace import StepPace
 
 MAX_WHOLE_WEIGHT = 1500
 """Maximum number of nodes of a function that is not cut; compiling it takes 2 to 3 ms."""
@@ -110,10 +110,10 @@ def code_of(function: py.FunctionDef, shared: list[str] | None = None) -> CodeTy
     return code
 
 
-def cut(function: py.FunctionDef, pace: Pace) -> list[CodeType]:
+def cut(function: py.FunctionDef, pace: StepPace) -> list[CodeType]:
     """Cut pieces off a top-level function until it is short, and compile them.
 
-    Raises TooLong if the function is still too long, and the errors of ``code_of``.
+    Raises StatementTooLong if the function is still too long, and the errors of ``code_of``.
     """
     cutter = _Cutter(pace)
     cutter.cut(function)
@@ -124,15 +124,15 @@ def cut(function: py.FunctionDef, pace: Pace) -> list[CodeType]:
 class _Cutter:
     """Cuts one unit; ``codes`` are its pieces."""
 
-    def __init__(self, pace: Pace) -> None:
+    def __init__(self, pace: StepPace) -> None:
         self.codes: list[CodeType] = []
         self._pace = pace
         self._scopes: list[set[str]] = []
 
     def weigh(self, function: py.FunctionDef) -> None:
-        """Raise TooLong for a function that would take too long to compile."""
+        """Raise StatementTooLong for a function that would take too long to compile."""
         if self._facts_of_function(function).weight > MAX_WEIGHT:
-            raise errors.TooLong
+            raise errors.StatementTooLong
 
     def _compile(self, function: py.FunctionDef, shared: list[str]) -> CodeType:
         self.weigh(function)

@@ -113,7 +113,7 @@ def write_op_assign(node: ast.OpAssign, w: Writer, dest: str | None) -> None:
     if local is not None:
         p = w.mark(node, node.op)
         write_constant_guard(w, local, p)
-        if node.op == "+=" and isinstance(node.value, ast.String) and not w.generic:
+        if node.op == "+=" and isinstance(node.value, ast.StringLiteral) and not w.generic:
             joined = call("join_in_place", [w.read(local, p), const(node.value.value, p)], p)
             w.write(local, joined, p)
             w.finish(dest, w.read(local, p), p)

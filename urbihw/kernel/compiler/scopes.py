@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from urbihw.kernel.syntax import ast
-from urbihw.kernel.syntax.binding import UNBOUND, Bound, Frame, Local
-from urbihw.kernel.syntax.pace import Pace
+from urbihw.kernel.syntax.binding import UNBOUND, BoundNode, FunctionFrame, Local
+from urbihw.kernel.syntax.pace import StepPace
 
 
-class Scope:
+class NameScope:
     """Names to locals; with ``slots`` a plain ``var`` makes a slot of this, a ``block`` may own a scope tag."""
 
     __slots__ = ("block", "frame", "names", "outer", "slots")
 
-    def __init__(self, outer: Scope | None, frame: Frame, slots: bool, block: bool = False) -> None:
+    def __init__(self, outer: NameScope | None, frame: FunctionFrame, slots: bool, block: bool = False) -> None:
         self.outer = outer
         self.block = block
         self.frame = frame
@@ -32,19 +32,19 @@ class Binding:
         """The names known to belong to lazy functions."""
         self.nodes: list[ast.Node] = []
         """The nodes with results."""
-        self.top = Frame(None)
+        self.top = FunctionFrame(None)
         """The statement itself."""
 
-    def bound(self, node: ast.Node) -> Bound:
+    def bound(self, node: ast.Node) -> BoundNode:
         """The results for a node."""
         bound = node.bound
         if bound is UNBOUND:
-            bound = Bound()
+            bound = BoundNode()
             node.bound = bound  # type: ignore[misc]  # what may change of a node
             self.nodes.append(node)
         return bound
 
-    def release(self, pace: Pace | None = None) -> None:
+    def release(self, pace: StepPace | None = None) -> None:
         """Remove the results from the nodes; the binding cannot be used any more.
 
         The work pauses by the ``pace``; if a pause raises, another call does the rest.
@@ -59,7 +59,7 @@ class Binding:
 OPERATIONS = (ast.Call, ast.And, ast.Or)
 
 
-def spine(node: ast.Node, pace: Pace, kinds: tuple[type[ast.Node], ...] = OPERATIONS) -> list[ast.Node]:
+def spine(node: ast.Node, pace: StepPace, kinds: tuple[type[ast.Node], ...] = OPERATIONS) -> list[ast.Node]:
     """A node, its left operand, the left operand of that, and so on, as long as they are of the given kinds.
 
     ``a + b - c`` is the subtraction and the addition.  Long sums are deep at the left, so recursion over them would be

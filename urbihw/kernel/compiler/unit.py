@@ -10,7 +10,7 @@ from types import CodeType, FunctionType
 from typing import Any
 
 from urbihw.kernel.compiler.late import LateSites
-from urbihw.kernel.compiler.linemap import Entry, LineMap
+from urbihw.kernel.compiler.linemap import LineMap, MappedPlace
 from urbihw.kernel.compiler.pieces import Linker
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.location import Position
@@ -80,11 +80,11 @@ class FunctionInfo:
 
 
 @dataclass(slots=True)
-class Unit:
+class CompiledUnit:
     """Generated code of one statement; may be run many times, at different places."""
 
     code: CodeType
-    entries: list[Entry]
+    entries: list[MappedPlace]
     constants: list[FunctionInfo]
     syntax: Syntax
     pieces: list[CodeType]

@@ -32,7 +32,7 @@ from urbihw.kernel.compiler.operations import is_native
 from urbihw.kernel.compiler.scopes import OPERATIONS, left_of, spine
 from urbihw.kernel.compiler.writer import RETURN, Writer
 from urbihw.kernel.syntax import ast
-from urbihw.kernel.syntax.binding import Frame, Local
+from urbihw.kernel.syntax.binding import FunctionFrame, Local
 from urbihw.kernel.syntax.location import Span
 
 MAX_OPERATIONS = 100
@@ -40,7 +40,7 @@ MAX_OPERATIONS = 100
 MAX_PARTS = 300
 """Maximum number of nodes of one Python expression; Python compiles them without a pause, in 2 ms."""
 NEVER_VOID = frozenset(
-    (ast.Float, ast.String, ast.ListLit, ast.TupleLit, ast.DictLit, ast.This, ast.CallMessage, ast.Function)
+    (ast.Float, ast.StringLiteral, ast.ListLit, ast.TupleLit, ast.DictLit, ast.This, ast.CallKeyword, ast.Function)
 )
 
 Maker = Callable[[], py.expr]
@@ -213,7 +213,7 @@ def make_list(w: Writer, nodes: Sequence[ast.Node], make: Make, p: Pos) -> py.Li
 # ---------------------------------------------------------------- parts that are functions
 
 
-def frame_of(node: ast.Node) -> Frame:
+def frame_of(node: ast.Node) -> FunctionFrame:
     """The frame of a node that is the body of a Python function."""
     frame = node.bound.frame
     assert frame is not None

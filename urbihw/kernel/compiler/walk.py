@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final
 
 from urbihw.kernel import errors
-from urbihw.kernel.compiler.scopes import Binding, Scope, binding_names
+from urbihw.kernel.compiler.scopes import Binding, NameScope, binding_names
 from urbihw.kernel.syntax import ast
-from urbihw.kernel.syntax.binding import Frame, Local
+from urbihw.kernel.syntax.binding import FunctionFrame, Local
 from urbihw.kernel.syntax.check import children
-from urbihw.kernel.syntax.pace import Pace
+from urbihw.kernel.syntax.pace import StepPace
 
 BLOCKS: Final[dict[type[ast.Node], int]] = {
     **dict.fromkeys((ast.While, ast.For, ast.ForEach, ast.Every), 5),
@@ -39,7 +39,7 @@ Visitors = Mapping[type[ast.Node], Callable[[Any, "Binder"], None]]
 class Binder:
     """The state of a walk over one statement: the frame, the scope, ``this`` and the loops that a node is in."""
 
-    def __init__(self, visitors: Visitors, lazy_names: Iterable[str], apart: bool, pace: Pace) -> None:
+    def __init__(self, visitors: Visitors, lazy_names: Iterable[str], apart: bool, pace: StepPace) -> None:
         """``apart``: loops, tags and ``try`` deep inside others become functions of their own."""
         self.visitors = visitors
         self.apart = apart
@@ -50,7 +50,7 @@ class Binder:
         self.result = Binding(lazy_names)
         self.bound = self.result.bound
         self.frame = self.result.top
-        self.scope = Scope(None, self.frame, slots=True, block=True)
+        self.scope = NameScope(None, self.frame, slots=True, block=True)
         self.this = self.frame.this = self.declare("this")
 
     # ---------------------------------------------------------------- names
@@ -72,7 +72,7 @@ class Binder:
 
     def lookup(self, name: str) -> Local | None:
         """The local variable that a name means here, or None for a slot; records capturing functions."""
-        scope: Scope | None = self.scope
+        scope: NameScope | None = self.scope
         while scope is not None:
             local = scope.names.get(name)
             if local is not None:
@@ -85,13 +85,13 @@ class Binder:
         """The present frame reads or writes a local."""
         if local.late:
             return
-        frame: Frame | None = self.frame
+        frame: FunctionFrame | None = self.frame
         while frame is not None and frame is not local.frame:
             local.captured = True
             if local not in frame.free:
                 self.captures += 1
                 if self.captures > MAX_CAPTURES:
-                    raise errors.TooLong
+                    raise errors.StatementTooLong
                 frame.free[local] = None
             frame = frame.parent
 
@@ -100,9 +100,9 @@ class Binder:
         self.use(self.this)
         self.bound(node).this = self.this
 
-    def function_around(self) -> Frame | None:
+    def function_around(self) -> FunctionFrame | None:
         """The frame of the innermost function literal."""
-        frame: Frame | None = self.frame
+        frame: FunctionFrame | None = self.frame
         while frame is not None and not frame.literal:
             frame = frame.parent
         return frame
@@ -156,7 +156,7 @@ class Binder:
 
     def enter_scope(self) -> None:
         """Begin a scope, which ends with ``leave_scope``."""
-        self.scope = Scope(self.scope, self.frame, slots=False)
+        self.scope = NameScope(self.scope, self.frame, slots=False)
 
     def leave_scope(self) -> None:
         """The present scope ends."""
@@ -169,12 +169,12 @@ class Binder:
         self.walk(node)
         self.leave_scope()
 
-    def framed(self, node: ast.Node, patterns: tuple[ast.Node, ...] = ()) -> Frame:
+    def framed(self, node: ast.Node, patterns: tuple[ast.Node, ...] = ()) -> FunctionFrame:
         """Visit a node as the body of a Python function of its own, which receives what the patterns bind."""
-        frame = self.bound(node).frame = Frame(self.frame)
+        frame = self.bound(node).frame = FunctionFrame(self.frame)
         outer_frame, outer_scope, outer_blocks = self.frame, self.scope, self.blocks
         self.frame, self.blocks = frame, 0
-        self.scope = Scope(outer_scope, frame, outer_scope.slots and not patterns, block=True)
+        self.scope = NameScope(outer_scope, frame, outer_scope.slots and not patterns, block=True)
         if patterns:
             frame.params = [self.declare(name) for name in binding_names(patterns)]
         self.walk(node)
@@ -193,7 +193,7 @@ class Binder:
         self.bodies.pop()
 
 
-def _declares(node: ast.Node, pace: Pace) -> bool:
+def _declares(node: ast.Node, pace: StepPace) -> bool:
     """Whether a node declares variables of the scope around it."""
     todo = [node]
     while todo:

@@ -14,13 +14,13 @@ from typing import Any, Final
 
 from urbihw.kernel.compiler.emit import LOAD, STORE, Pos, attr, call, const, do, function, name, position, set_
 from urbihw.kernel.compiler.late import LateSites
-from urbihw.kernel.compiler.linemap import Entry
+from urbihw.kernel.compiler.linemap import MappedPlace
 from urbihw.kernel.compiler.scopes import Binding
 from urbihw.kernel.compiler.unit import Syntax
 from urbihw.kernel.syntax import ast
-from urbihw.kernel.syntax.binding import Frame, Local
+from urbihw.kernel.syntax.binding import FunctionFrame, Local
 from urbihw.kernel.syntax.location import NOWHERE, Span
-from urbihw.kernel.syntax.pace import Pace
+from urbihw.kernel.syntax.pace import StepPace
 
 _new: Final = tuple.__new__
 RETURN: Final = "return"
@@ -53,7 +53,7 @@ class Body:
 
     __slots__ = ("apart", "close_scope", "crossed_return", "frame", "groups", "loops", "out", "outer", "return_token")
 
-    def __init__(self, frame: Frame, outer: Body | None) -> None:
+    def __init__(self, frame: FunctionFrame, outer: Body | None) -> None:
         self.frame = frame
         self.outer = outer
         self.out: list[py.stmt] = []
@@ -69,7 +69,7 @@ class Writer:
     """Writes one unit; afterwards ``entries``, ``constants`` and ``syntax`` belong to the unit."""
 
     def __init__(
-        self, binding: Binding, expressions: Expressions, statements: Statements, generic: bool, pace: Pace
+        self, binding: Binding, expressions: Expressions, statements: Statements, generic: bool, pace: StepPace
     ) -> None:
         """``generic``: arithmetic is sent as messages."""
         self.binding = binding
@@ -78,7 +78,7 @@ class Writer:
         self.statements = statements
         self.generic = generic
         self.pace = pace
-        self.entries: list[Entry] = [Entry(NOWHERE, None, 0)]
+        self.entries: list[MappedPlace] = [MappedPlace(NOWHERE, None, 0)]
         self.constants: list[Any] = []
         self.late = LateSites()
         self.syntax = Syntax([], self.late)
@@ -98,13 +98,13 @@ class Writer:
         self.pace.step()
         entries = self.entries
         line = len(entries)
-        entries.append(_new(Entry, (node.span, called, self.outer_entry)))
+        entries.append(_new(MappedPlace, (node.span, called, self.outer_entry)))
         return {"lineno": line, "col_offset": 0}
 
     def mark_span(self, span: Span, called: str | None = None) -> Pos:
         """The position for code that comes from a stretch of text."""
         self.pace.step()
-        self.entries.append(Entry(span, called, self.outer_entry))
+        self.entries.append(MappedPlace(span, called, self.outer_entry))
         return position(len(self.entries) - 1)
 
     def unkept(self) -> int:
@@ -204,7 +204,9 @@ class Writer:
 
     # ---------------------------------------------------------------- nested functions
 
-    def nested(self, frame: Frame, params: list[str], write: Callable[[], None], p: Pos, defaults: int = 0) -> py.expr:
+    def nested(
+        self, frame: FunctionFrame, params: list[str], write: Callable[[], None], p: Pos, defaults: int = 0
+    ) -> py.expr:
         """Define a Python function whose body ``write()`` writes; its name.
 
         Locals of this function that are fresh in each turn of a loop reach it through a factory.

@@ -13,8 +13,8 @@ from urbihw.kernel import errors
 from urbihw.kernel.sched.collector import COLLECTOR
 from urbihw.kernel.sched.coro import Steps
 from urbihw.kernel.sched.scheduler import Scheduler
-from urbihw.kernel.syntax.pace import Pace
-from urbihw.kernel.syntax.reader import Item, Reader, Statement
+from urbihw.kernel.syntax.pace import StepPace
+from urbihw.kernel.syntax.reader import Item, Statement, StatementReader
 
 T = TypeVar("T")
 
@@ -44,9 +44,9 @@ class LongWork:
         """Let the sockets and other jobs have their turn if this round has lasted long enough."""
         self._scheduler.give_way(MAX_HOLD_S)
 
-    def run(self, work: Callable[[Pace], T]) -> T:
+    def run(self, work: Callable[[StepPace], T]) -> T:
         """Do work that pauses by a pace."""
-        steps = Steps(lambda pause: work(Pace(pause)))
+        steps = Steps(lambda pause: work(StepPace(pause)))
         with COLLECTOR:
             try:
                 while steps.step():
@@ -57,7 +57,7 @@ class LongWork:
 
     def read(self, text: str, file: str | None) -> list[Item]:
         """Parse a whole program, as ``parse_program`` does.  Raises Exception.Syntax if it is too long."""
-        reader, pace = Reader(file), Pace(self.pause)
+        reader, pace = StatementReader(file), StepPace(self.pause)
         items: list[Item] = []
         with COLLECTOR:
             for at in range(0, len(text), READ_SIZE):

@@ -38,7 +38,7 @@ def show(lobby: Lobby, value: Any) -> None:
     if _is_changed(world):
         try:
             text = _run_with_timeout(lobby, lambda: world.shown(value), lambda: world.shown(value))
-        except errors.UrbiError as error:
+        except errors.ThrownError as error:
             lobby.report(error)
             text = plain_text(world, value)
     else:

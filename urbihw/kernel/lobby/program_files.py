@@ -40,7 +40,7 @@ def compiled_file(programs: Programs, text: str, file: str) -> Iterator[library.
     """
     key = library.key_of(f"{file}\n{text}", programs.world.lazy_names)
     known = library.load_parts(key)
-    parts: list[library.Part] = []
+    parts: list[library.LibraryPart] = []
     for part in known:
         if part.state != programs.compiler_state:
             break
@@ -61,7 +61,7 @@ def compiled_file(programs: Programs, text: str, file: str) -> Iterator[library.
     for compiled in programs.compiled(items[len(parts) :], text, programs.compile_statement):
         keep = keep and state == programs.compiler_state  # another job ran meanwhile
         if keep:
-            parts.append(library.Part(state, library.pack(compiled)))
+            parts.append(library.LibraryPart(state, library.pack(compiled)))
             if len(parts) == total:
                 library.store_parts(key, parts)
         yield compiled

@@ -11,7 +11,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
-from urbihw.kernel.compiler import Unit, compile_node, library
+from urbihw.kernel.compiler import CompiledUnit, compile_node, library
 from urbihw.kernel.compiler.cache import UnitCache
 from urbihw.kernel.lobby.host_process import HostProcess
 from urbihw.kernel.lobby.long_work import MAX_SHORT_TEXT, LongWork, end_of_slice
@@ -26,8 +26,8 @@ from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.signals import Interrupted, JobKilled, StopTag
 from urbihw.kernel.sched.waiting import WaitQueue
 from urbihw.kernel.syntax.location import Location
-from urbihw.kernel.syntax.pace import Pace
-from urbihw.kernel.syntax.reader import Item, Reader, Statement, SyntaxProblem, parse_program
+from urbihw.kernel.syntax.pace import StepPace
+from urbihw.kernel.syntax.reader import Item, Statement, StatementReader, SyntaxProblem, parse_program
 
 if TYPE_CHECKING:
     from urbihw.kernel.lobby.lobby import Lobby
@@ -80,7 +80,7 @@ class Programs:
         unit = self.units.get(statement.text, world.lazy_names, world.generic_floats, partial(self.unit, statement))
         return unit.function(self.ops, statement.base)
 
-    def unit(self, statement: Statement) -> Unit:
+    def unit(self, statement: Statement) -> CompiledUnit:
         """The compiled statement.  A long one is compiled in steps, and must be compiled in a job."""
         world, use = self.world, self.read.use(statement.text)
         if use is not None:
@@ -92,13 +92,13 @@ class Programs:
         """The state on which compiled code depends: the number of lazy names, and whether arithmetic is generic."""
         return len(self.world.lazy_names), self.world.generic_floats
 
-    def compile_statement(self, statement: Statement) -> Unit:
+    def compile_statement(self, statement: Statement) -> CompiledUnit:
         """Compile a statement without templates and caches.  A long one must be compiled in a job."""
         world = self.world
         make = partial(compile_node, statement.node, world.lazy_names, generic=world.generic_floats)
         try:
             return make() if len(statement.text) <= MAX_SHORT_TEXT else self.long_work.run(lambda pace: make(pace=pace))
-        except (errors.TooDeep, errors.TooLong) as error:
+        except (errors.TooDeep, errors.StatementTooLong) as error:
             place = Location.of(statement.node.span, statement.base)
             raise errors.Raised("Syntax", error.message, None, loc=str(place), input=statement.text) from None
 
@@ -135,14 +135,14 @@ class Programs:
         self._run(remember(), self.world.global_, system=True)
         library.store(key, made)
 
-    def _library_unit(self, statement: Statement) -> Unit:
+    def _library_unit(self, statement: Statement) -> CompiledUnit:
         """Compile a statement of the library, without pauses, as there are no clients yet; its functions are not
         cut.
         """
         return compile_node(statement.node, self.world.lazy_names, generic=self.world.generic_floats)
 
     def compiled(
-        self, items: list[Item], text: str, make: Callable[[Statement], Unit]
+        self, items: list[Item], text: str, make: Callable[[Statement], CompiledUnit]
     ) -> Iterator[library.Compiled]:
         """The statements of a program, each compiled by ``make`` when the one before it has been run.
 
@@ -192,8 +192,8 @@ class Shell:
     def __init__(self, lobby: Lobby, name: str) -> None:
         self._lobby = lobby
         self._scheduler = lobby.world.scheduler
-        self._reader = Reader(cache=lobby.programs.read)
-        self._pace = Pace(self._pause)
+        self._reader = StatementReader(cache=lobby.programs.read)
+        self._pace = StepPace(self._pause)
         self._input = bytearray()
         self._items: deque[Item] = deque()
         self._more = WaitQueue(self._scheduler)
@@ -305,7 +305,7 @@ class Shell:
         """Discard the pending input, including an incomplete statement."""
         self._items.clear()
         self._input.clear()
-        self._reader = Reader(cache=self._lobby.programs.read)
+        self._reader = StatementReader(cache=self._lobby.programs.read)
 
     def _complain(self, problem: SyntaxProblem) -> None:
         if problem.warning:

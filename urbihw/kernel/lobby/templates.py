@@ -22,8 +22,8 @@ from functools import partial
 from types import CodeType
 from typing import TYPE_CHECKING, Any, Final, overload
 
-from urbihw.kernel.compiler import Unit, compile_node
-from urbihw.kernel.compiler.linemap import Entry
+from urbihw.kernel.compiler import CompiledUnit, compile_node
+from urbihw.kernel.compiler.linemap import MappedPlace
 from urbihw.kernel.compiler.unit import Syntax
 from urbihw.kernel.syntax.ast import Node
 from urbihw.kernel.syntax.reader import Statement, StatementCache, parse_program
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
 Literal = float | str
-Compile = Callable[[Node], Unit]
+Compile = Callable[[Node], CompiledUnit]
 """Compiles a statement for the present state of the kernel."""
 
 MAX_TEMPLATES: Final = 512
@@ -77,14 +77,14 @@ class Template:
         self._known = known._replace(node=None)
         self._size = size
         self._state: tuple[int, bool] | None = None
-        self._unit: Unit | None = None
+        self._unit: CompiledUnit | None = None
         self._places: list[int] = []
 
     def known(self, use: TemplateUse, text: str) -> Any:
         """The reader's cache entry for another statement of the skeleton."""
         return self._known._replace(node=use, end_column=self._known.end_column + len(text) - self._size)
 
-    def unit(self, world: World, text: str, values: list[Literal]) -> Unit:
+    def unit(self, world: World, text: str, values: list[Literal]) -> CompiledUnit:
         """The compiled statement for these values; ``text`` is the statement as it was sent."""
         state = (len(world.lazy_names), world.generic_floats)
         if state != self._state:
@@ -96,14 +96,14 @@ class Template:
             self.usable = self._unit is not None
         return self._compile(_node(text)) if self._unit is None else self._made(self._unit, text, values)
 
-    def _made(self, unit: Unit, text: str, values: list[Literal]) -> Unit:
+    def _made(self, unit: CompiledUnit, text: str, values: list[Literal]) -> CompiledUnit:
         constants = list(unit.code.co_consts)
         for place, value in zip(self._places, values, strict=True):
             constants[place] = value
         real = _Real(text, self._compile)
-        return Unit(unit.code.replace(co_consts=tuple(constants)), _Entries(real), [], _Syntax(real), [])
+        return CompiledUnit(unit.code.replace(co_consts=tuple(constants)), _Entries(real), [], _Syntax(real), [])
 
-    def _template(self, text: str, values: list[Literal]) -> Unit | None:
+    def _template(self, text: str, values: list[Literal]) -> CompiledUnit | None:
         """The compiled statement with placeholders; None if it does not give the code of the present statement."""
         stand_ins: list[Literal] = [
             f"stand-in {index}" if kind == "s" else 8.1e12 + index + 0.5 for index, kind in enumerate(self._kinds)
@@ -142,16 +142,16 @@ class _Real:
     def __init__(self, text: str, compile_: Compile) -> None:
         self._text = text
         self._compile = compile_
-        self._unit: Unit | None = None
+        self._unit: CompiledUnit | None = None
 
-    def get(self) -> Unit:
+    def get(self) -> CompiledUnit:
         """The compiled statement."""
         if self._unit is None:
             self._unit = self._compile(_node(self._text))
         return self._unit
 
 
-class _Entries(list[Entry]):
+class _Entries(list[MappedPlace]):
     """The places in the source, compiled when they are needed."""
 
     __slots__ = ("_real",)
@@ -163,16 +163,16 @@ class _Entries(list[Entry]):
     def __len__(self) -> int:
         return len(self._real.get().entries)
 
-    def __iter__(self) -> Iterator[Entry]:
+    def __iter__(self) -> Iterator[MappedPlace]:
         return iter(self._real.get().entries)
 
     @overload  # type: ignore[override]
-    def __getitem__(self, index: int) -> Entry: ...
+    def __getitem__(self, index: int) -> MappedPlace: ...
 
     @overload
-    def __getitem__(self, index: slice) -> list[Entry]: ...
+    def __getitem__(self, index: slice) -> list[MappedPlace]: ...
 
-    def __getitem__(self, index: int | slice) -> Entry | list[Entry]:
+    def __getitem__(self, index: int | slice) -> MappedPlace | list[MappedPlace]:
         return self._real.get().entries[index]
 
 

@@ -27,17 +27,17 @@ MAX_CALLS = 500
 error that passes through thousands of jobs has tens of thousands of calls, which take seconds to print."""
 
 
-class LineMap(Protocol):
+class LineLookup(Protocol):
     """The part of the compiler's line map that this module uses."""
 
     system: bool
 
-    def frames(self, index: int) -> list[Frame]:
+    def frames(self, index: int) -> list[CallFrame]:
         """The urbiscript frames of one instruction, innermost first (a for-each body counts as called by ``each``)."""
         ...
 
 
-class Frame(NamedTuple):
+class CallFrame(NamedTuple):
     """One step of a call stack: where a call was made, and the name that was called (None if it is no call)."""
 
     location: Any
@@ -51,9 +51,9 @@ class BuiltInCalls:
         self._names = names
         self.system = system
 
-    def frames(self, index: int) -> list[Frame]:
+    def frames(self, index: int) -> list[CallFrame]:
         """The calls that the built-in makes; they have no location of their own."""
-        return [Frame(None, name) for name in self._names]
+        return [CallFrame(None, name) for name in self._names]
 
 
 class Stack(NamedTuple):
@@ -61,7 +61,7 @@ class Stack(NamedTuple):
 
     location: Any
     routine: str | None
-    calls: tuple[Frame, ...]
+    calls: tuple[CallFrame, ...]
 
 
 NO_STACK = Stack(None, None, ())
@@ -69,7 +69,7 @@ NO_STACK = Stack(None, None, ())
 
 def stack_of(error: BaseException, hide_system: bool = True) -> Stack:
     """The urbiscript call stack of an exception, innermost first: the functions that it left, and their callers."""
-    places: list[tuple[LineMap, int]] = []
+    places: list[tuple[LineLookup, int]] = []
     tb: TracebackType | None = error.__traceback__
     outer = None if tb is None else tb.tb_frame.f_back
     while tb is not None:
@@ -89,7 +89,7 @@ def failed_in_code(error: BaseException) -> bool:
     return any(True for _ in _line_maps(error))
 
 
-def _line_maps(error: BaseException) -> Iterator[LineMap]:
+def _line_maps(error: BaseException) -> Iterator[LineLookup]:
     tb: TracebackType | None = error.__traceback__
     while tb is not None:
         line_map = tb.tb_frame.f_globals.get(LINE_MAP)
@@ -135,15 +135,15 @@ def running_call() -> str | None:
     return steps[0].name if steps else None
 
 
-def _callers(frame: FrameType | None) -> list[tuple[LineMap, int]]:
-    places: list[tuple[LineMap, int]] = []
+def _callers(frame: FrameType | None) -> list[tuple[LineLookup, int]]:
+    places: list[tuple[LineLookup, int]] = []
     while frame is not None:
         places += _place(frame, frame.f_lasti)
         frame = frame.f_back
     return places
 
 
-def _place(frame: FrameType, at: int) -> list[tuple[LineMap, int]]:
+def _place(frame: FrameType, at: int) -> list[tuple[LineLookup, int]]:
     """The entry of a Python frame, at an offset in its code, in a call stack: one place, or none."""
     line_map = frame.f_globals.get(LINE_MAP)
     if line_map is not None:
@@ -156,12 +156,12 @@ def _place(frame: FrameType, at: int) -> list[tuple[LineMap, int]]:
     return [] if implied is None else [(BuiltInCalls((implied,), system=False), 0)]
 
 
-def _stack(places: list[tuple[LineMap, int]], hide_system: bool) -> Stack:
+def _stack(places: list[tuple[LineLookup, int]], hide_system: bool) -> Stack:
     shown = [place for place in places if not (hide_system and place[0].system)]
     left_out = len(shown) - 2 * MAX_CALLS
     if left_out > 0:
         inner, outer = _flat(shown[:MAX_CALLS]), _flat(shown[-MAX_CALLS:])
-        flat = [*inner, Frame(outer[0].location if outer else None, f"... {left_out} calls left out"), *outer]
+        flat = [*inner, CallFrame(outer[0].location if outer else None, f"... {left_out} calls left out"), *outer]
     else:
         flat = _flat(shown)
     if not flat:
@@ -170,7 +170,7 @@ def _stack(places: list[tuple[LineMap, int]], hide_system: bool) -> Stack:
     return Stack(flat[0].location, flat[0].name, calls)
 
 
-def _flat(places: list[tuple[LineMap, int]]) -> list[Frame]:
+def _flat(places: list[tuple[LineLookup, int]]) -> list[CallFrame]:
     """The frames of some places.  A call made by a built-in gets the location where the built-in was called."""
     frames = [frame for line_map, index in places for frame in line_map.frames(index)]
     location = None
@@ -193,7 +193,7 @@ def describe_frame(frame: FrameType | None) -> str:
     while frame is not None:
         line_map = frame.f_globals.get(LINE_MAP)
         if line_map is not None:
-            steps: list[Frame] = line_map.frames(entry_of(frame))
+            steps: list[CallFrame] = line_map.frames(entry_of(frame))
             if steps:
                 return f" at {steps[0].location}" + (f" in {steps[0].name}" if steps[0].name else "")
         frame = frame.f_back

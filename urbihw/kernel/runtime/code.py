@@ -89,7 +89,7 @@ class Getter(Executable):
         return self.value
 
 
-class FunctionInfo(Protocol):
+class FunctionDescription(Protocol):
     """The compiler's description of a function literal.
 
     ``least`` and ``most`` are the minimum and maximum number of arguments (most -1: any), ``lazy``: it has no formals,
@@ -114,7 +114,7 @@ class Code(Executable):
 
     __slots__ = ("fn", "info")
 
-    def __init__(self, world: World, fn: Callable[..., Any], info: FunctionInfo) -> None:
+    def __init__(self, world: World, fn: Callable[..., Any], info: FunctionDescription) -> None:
         super().__init__(world, [world.code_proto])
         self.fn = fn
         self.info = info
@@ -179,7 +179,7 @@ class Code3(Code):
     __slots__ = ("c3",)
 
 
-def make_code(world: World, fn: Callable[..., Any], info: FunctionInfo) -> Code:
+def make_code(world: World, fn: Callable[..., Any], info: FunctionDescription) -> Code:
     """The Code for a compiled function."""
     if info.lazy or info.uses_call:
         return LazyCode(world, fn, info)

@@ -22,7 +22,7 @@ from urbihw.kernel.runtime.event import (
     SyncSubscription,
     Waiter,
 )
-from urbihw.kernel.runtime.watch import Watch
+from urbihw.kernel.runtime.watch import ConditionWatch
 from urbihw.kernel.sched.timequeue import Timer
 from urbihw.kernel.sched.waiting import Completion
 from urbihw.kernel.value import Value
@@ -50,7 +50,7 @@ class AtExpression(Handlers):
         self._duration = duration
         self._timer: Timer | None = None
         self._on = False
-        self._watch = Watch(world.recorder, condition, self._edge, self.fail)
+        self._watch = ConditionWatch(world.recorder, condition, self._edge, self.fail)
         self._watch.begin()
 
     def _edge(self, value: bool) -> None:
@@ -108,7 +108,7 @@ class Edge:
         self._timer: Timer | None = None
         self._changed: Completion[None] = Completion(world.scheduler)
         self.value = False
-        self._watch = Watch(world.recorder, condition, self._edge, self._fail)
+        self._watch = ConditionWatch(world.recorder, condition, self._edge, self._fail)
         self._watch.begin()
 
     def _edge(self, value: bool) -> None:

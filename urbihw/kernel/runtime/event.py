@@ -27,7 +27,7 @@ Accept = Callable[[Payload], Any]
 """Takes a payload, and returns the values bound by the pattern (any object but None), or None to refuse the payload."""
 
 
-class Listener(Protocol):
+class EventListener(Protocol):
     """The receiver of emissions: a handler, a waiting job, or an event that follows another one."""
 
     def offer(self, emission: Emission) -> None:
@@ -50,7 +50,7 @@ class Emission:
         self.event = event
         self.payload = payload
         self.on = True
-        self.matches: list[tuple[Listener, Any]] = []
+        self.matches: list[tuple[EventListener, Any]] = []
         self.jobs: list[Job] = []
 
     def stop(self) -> None:
@@ -77,7 +77,7 @@ class Event(Obj):
 
     def __init__(self, world: World, protos: list[Obj]) -> None:
         super().__init__(world, protos)
-        self.subscriptions: dict[Listener, None] = {}
+        self.subscriptions: dict[EventListener, None] = {}
         self.emissions: dict[Emission, None] = {}
 
     def clone(self) -> Event:
@@ -131,7 +131,7 @@ class Event(Obj):
             emission.matches.append((ending, None))
             ending.over.wait()
 
-    def subscribe(self, subscription: Listener) -> None:
+    def subscribe(self, subscription: EventListener) -> None:
         """Add a subscription, and offer it the emissions that are in progress.  The event in the slot ``onSubscribe``,
         if there is one, is emitted.
         """

@@ -32,7 +32,9 @@ class Failures:
         self._showing = False
         """Whether a value is being printed for a message, which may fail too."""
 
-    def type_error(self, index: int | None, value: Value, expected: str, routine: str | None = "") -> errors.UrbiError:
+    def type_error(
+        self, index: int | None, value: Value, expected: str, routine: str | None = ""
+    ) -> errors.ThrownError:
         """``routine: unexpected VALUE for argument INDEX, expected a TYPE``."""
         if value is self._world.void:
             return errors.unexpected_void()
@@ -53,14 +55,14 @@ class Failures:
         finally:
             self._showing = False
 
-    def normalized(self, error: BaseException) -> errors.UrbiError:
+    def normalized(self, error: BaseException) -> errors.ThrownError:
         """Any Python exception as an urbiscript one; an exception that is no error of urbiscript is logged as an
         internal error.
         """
-        if isinstance(error, errors.UrbiError):
+        if isinstance(error, errors.ThrownError):
             return error
         if isinstance(error, ZeroDivisionError):
-            raised: errors.UrbiError = errors.primitive("division by 0", "/")
+            raised: errors.ThrownError = errors.primitive("division by 0", "/")
         elif isinstance(error, RecursionError):
             raised = errors.Raised("Scheduling", "stack exhausted", None)
         elif isinstance(error, TooManyJobs | HeldTooLong):

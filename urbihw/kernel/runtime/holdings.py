@@ -31,7 +31,7 @@ class Holding(Protocol):
 
 
 @dataclass(frozen=True)
-class _Entry:
+class _Holding:
     """A registered resource."""
 
     one: Holding
@@ -45,7 +45,7 @@ class Holdings:
     def __init__(self, maker: Holdings | None = None) -> None:
         """``maker`` has the resources of the lobby that this lobby belongs to; the limits are for both together."""
         self._numbers: Counter[str] = Counter() if maker is None else maker._numbers
-        self._held: dict[int, _Entry] = {}
+        self._held: dict[int, _Holding] = {}
         """The resources by identity, since objects of the language may be equal to others."""
         self._sealed = False
 
@@ -70,7 +70,7 @@ class Holdings:
             return
         self.check(kind, most)
         self._numbers[kind] += 1
-        self._held[id(one)] = _Entry(one, kind, address)
+        self._held[id(one)] = _Holding(one, kind, address)
 
     def unregister(self, one: Holding) -> None:
         """Remove a resource that is closed or over; does nothing if it is not registered."""

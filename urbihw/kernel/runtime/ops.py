@@ -186,7 +186,7 @@ def _flow(world: World) -> dict[str, Any]:
         """The Python exception for ``throw value``."""
         if isinstance(value, Obj) and not world.record.is_shared(value):
             value.slots.pop("backtrace", None)
-        return errors.UrbiError(value)
+        return errors.ThrownError(value)
 
     def match(pattern: tuple[Any, ...], value: Value) -> list[Any] | None:
         """The values bound by a pattern, or None."""
@@ -210,7 +210,7 @@ def _flow(world: World) -> dict[str, Any]:
 
     def caught(error: BaseException) -> Any:
         """The value of a caught error.  For a program that catches its emergency stop, a new statement begins."""
-        if isinstance(error, errors.Stopped):
+        if isinstance(error, errors.MovementStopped):
             world.scheduler.running().renew()
         return world.caught(error)
 

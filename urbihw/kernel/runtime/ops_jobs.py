@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
 
-class Pace:
+class EveryPace:
     """The deadlines of an ``every``, in the job's own time; after an overrun, the next iteration starts at once."""
 
     __slots__ = ("_due", "_job", "_world")
@@ -88,9 +88,9 @@ def tag_verbs(world: World) -> dict[str, Any]:
 def time_verbs(world: World) -> dict[str, Any]:
     """The periods of ``every``, and trajectories of slots and local variables."""
 
-    def pace() -> Pace:
+    def pace() -> EveryPace:
         """The deadlines of an ``every``."""
-        return Pace(world)
+        return EveryPace(world)
 
     def move_slot(target: Value, name: str, value: Value, attributes: dict[str, Any]) -> None:
         """``target.name = value time: 1s``."""

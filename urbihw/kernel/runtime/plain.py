@@ -93,7 +93,7 @@ def plain_type(value: Obj) -> str:
     return kind.s if isinstance(kind, String) else "Object"
 
 
-def plain_error(world: World, error: errors.UrbiError, stack: Stack) -> list[str]:
+def plain_error(world: World, error: errors.ThrownError, stack: Stack) -> list[str]:
     """The lines that report an uncaught error, without the leading ``!!!``."""
     if isinstance(error, errors.Raised):
         routine = stack.routine if error.routine == "" else error.routine

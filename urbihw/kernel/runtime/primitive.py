@@ -35,7 +35,7 @@ __breakable__ = True
 Function = Callable[..., Any]
 
 
-class Row(NamedTuple):
+class PrimitiveRow(NamedTuple):
     """One built-in: its slot names, the Python function, and the kind of call."""
 
     names: tuple[str, ...]
@@ -50,13 +50,13 @@ class Table:
 
     def __init__(self, proto: str) -> None:
         self.proto = proto
-        self.rows: list[Row] = []
+        self.rows: list[PrimitiveRow] = []
 
     def primitive(self, *names: str) -> Callable[[Function], Function]:
         """A checked built-in, under one or several names."""
 
         def add(function: Function) -> Function:
-            self.rows.append(Row(names, function, "checked", 0, 0))
+            self.rows.append(PrimitiveRow(names, function, "checked", 0, 0))
             return function
 
         return add
@@ -65,7 +65,7 @@ class Table:
         """An unchecked built-in given by a factory."""
 
         def add(function: Function) -> Function:
-            self.rows.append(Row(names, function, "raw", least, least if most is None else most))
+            self.rows.append(PrimitiveRow(names, function, "raw", least, least if most is None else most))
             return function
 
         return add
@@ -74,7 +74,7 @@ class Table:
         """A built-in that takes the call message; most -1 is any number."""
 
         def add(function: Function) -> Function:
-            self.rows.append(Row(names, function, "lazy", least, most))
+            self.rows.append(PrimitiveRow(names, function, "lazy", least, most))
             return function
 
         return add
@@ -95,14 +95,14 @@ class Table:
         world.flush()
 
 
-def build(world: World, name: str, row: Row) -> Primitive:
+def build(world: World, name: str, row: PrimitiveRow) -> Primitive:
     """The Primitive for a row."""
     made = _build(world, name, row)
     made.source = row.function
     return made
 
 
-def _build(world: World, name: str, row: Row) -> Primitive:
+def _build(world: World, name: str, row: PrimitiveRow) -> Primitive:
     if row.kind == "raw":
         return make_primitive(world, name, row.function(world), row.least, row.most)
     if row.kind == "lazy":

@@ -26,7 +26,7 @@ from urbihw.kernel.runtime.plain import plain_type
 from urbihw.kernel.runtime.slot import SlotMeta, meta_of
 from urbihw.kernel.runtime.slots import OPERATORS
 from urbihw.kernel.runtime.values import Dictionary, List, String, Tuple
-from urbihw.kernel.runtime.watch import Watch
+from urbihw.kernel.runtime.watch import ConditionWatch
 from urbihw.kernel.value import Value
 
 if TYPE_CHECKING:
@@ -278,9 +278,9 @@ class Record:
         self._log(changes)
         return list(changes.back)
 
-    def _watch_printing(self) -> Watch:
+    def _watch_printing(self) -> ConditionWatch:
         """Compare the printing slots whenever one of them changes, and only then."""
-        return Watch(self._world.recorder, self._prints_otherwise, lambda value: None, lambda error: None)
+        return ConditionWatch(self._world.recorder, self._prints_otherwise, lambda value: None, lambda error: None)
 
     def _prints_otherwise(self) -> bool:
         differs = False

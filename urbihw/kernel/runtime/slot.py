@@ -9,7 +9,7 @@ from urbihw.kernel.value import Value
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.blend import Blender
     from urbihw.kernel.runtime.object import Obj
-    from urbihw.kernel.runtime.watch import Watch
+    from urbihw.kernel.runtime.watch import ConditionWatch
 
 
 class Accessor(Protocol):
@@ -37,7 +37,7 @@ class SlotMeta:
         self.getter = False
         self.properties: dict[str, Any] | None = None
         self.changed: Any = None
-        self.watchers: dict[Watch, None] | None = None
+        self.watchers: dict[ConditionWatch, None] | None = None
         self.accessor: Accessor | None = None
         self.blender: Blender | None = None
 

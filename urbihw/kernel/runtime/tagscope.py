@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from urbihw.kernel.runtime.event import Accept, Event, Subscription
 from urbihw.kernel.runtime.object import Obj
-from urbihw.kernel.runtime.watch import Watch
+from urbihw.kernel.runtime.watch import ConditionWatch
 from urbihw.kernel.sched.signals import StopTag, supersedes
 from urbihw.kernel.sched.tag import Tag, TagEntry
 from urbihw.kernel.sched.timequeue import Timer
@@ -197,12 +197,12 @@ class ConditionScope(_OwnTagScope):
         self._world = world
         self._condition = condition
         self._freezes = freezes
-        self._watch: Watch | None = None
+        self._watch: ConditionWatch | None = None
 
     def enter(self) -> None:
         """Start watching the condition and enter."""
         self._entry = self._tag.enter()
-        self._watch = Watch(self._world.recorder, self._condition, self._changed, self._fail)
+        self._watch = ConditionWatch(self._world.recorder, self._condition, self._changed, self._fail)
         self._watch.begin()
 
     def _fail(self, error: Exception) -> None:

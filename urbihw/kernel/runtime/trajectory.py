@@ -35,7 +35,7 @@ react to the small errors of a slow movement."""
 _CLOSE = 1e-9
 
 
-class Limits:
+class SlotLimits:
     """The limits from the properties of a slot: ``rangemin``, ``rangemax``, ``speedmin``, ``speedmax`` (per second),
     and ``delta``, the tolerance at which a closed loop ends.
     """
@@ -86,7 +86,7 @@ class Trajectory:
         self._read = read
         self._write = write
         self._blender = blender
-        self._limits = Limits(properties or {})
+        self._limits = SlotLimits(properties or {})
         self._target = self._finite(self._limits.inside(self._number(target, "")))
         self._attributes = attributes
         unknown = [name for name in attributes if name not in ATTRIBUTES]

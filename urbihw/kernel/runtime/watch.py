@@ -31,7 +31,7 @@ class Recorder:
     __slots__ = ("active",)
 
     def __init__(self) -> None:
-        self.active: Watch | None = None
+        self.active: ConditionWatch | None = None
 
     def read(self, target: Value, name: str) -> None:
         """The active watch depends on this slot (whether it exists or not)."""
@@ -57,7 +57,7 @@ def _filled(cell: Any) -> bool:
     return True
 
 
-class Watch:
+class ConditionWatch:
     """One watched condition: evaluates ``condition`` and calls ``changed(value)`` when its truth changes.
 
     The condition is evaluated in the job that writes, which must not get its errors: ``failed(error)`` is called
@@ -77,7 +77,7 @@ class Watch:
         self._condition = condition
         self._changed = changed
         self._failed = failed
-        self._places: list[dict[Watch, None]] = []
+        self._places: list[dict[ConditionWatch, None]] = []
         self._busy = False
         self._again = False
         self.live = True
@@ -89,7 +89,7 @@ class Watch:
             meta.watchers = {}
         self.depend_on(meta.watchers)
 
-    def depend_on(self, watchers: dict[Watch, None]) -> None:
+    def depend_on(self, watchers: dict[ConditionWatch, None]) -> None:
         """Add a place that was read, by its table of watchers."""
         if self not in watchers:
             watchers[self] = None
@@ -165,9 +165,9 @@ class Box:
 
     def __init__(self, value: Value) -> None:
         self.v = value
-        self.watchers: dict[Watch, None] | None = None
+        self.watchers: dict[ConditionWatch, None] | None = None
 
-    def watch(self, watch: Watch) -> None:
+    def watch(self, watch: ConditionWatch) -> None:
         """Record that a condition reads this variable."""
         if self.watchers is None:
             self.watchers = {}

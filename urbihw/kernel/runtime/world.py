@@ -362,7 +362,7 @@ class World:
         """
         try:
             text = self.ops.send0(value, "asToplevelPrintable")
-        except errors.UrbiError as error:
+        except errors.ThrownError as error:
             if failed_in_program(error):
                 raise
         else:

@@ -11,11 +11,11 @@ from typing import Any, Final
 from urbihw.kernel.sched.coro import CarrierEnded
 
 
-class Signal(BaseException):
+class JobSignal(BaseException):
     """Base of everything that unwinds a job without being an error."""
 
 
-class JobKilled(Signal):
+class JobKilled(JobSignal):
     """Ends the job: its connection was closed, or a program called ``terminate``."""
 
 
@@ -23,7 +23,7 @@ class JobAborted(JobKilled):
     """Ends the job at once: the time for its ``finally`` clauses is over, and no further one is started."""
 
 
-class Interrupted(Signal):
+class Interrupted(JobSignal):
     """The user has interrupted the statement in the foreground of the lobby.
 
     ``told``: the user gets another message about it.
@@ -34,7 +34,7 @@ class Interrupted(Signal):
         self.told = told
 
 
-class StopTag(Signal):
+class StopTag(JobSignal):
     """Leaves the code under one tag entry, with a value."""
 
     def __init__(self, entry: Any, value: Any) -> None:
@@ -43,7 +43,7 @@ class StopTag(Signal):
         self.value = value
 
 
-class Leave(Signal):
+class Leave(JobSignal):
     """A return, break or continue that goes from one job to the job that waits for it.
 
     ``token`` identifies the function call or the loop that it leaves or continues.

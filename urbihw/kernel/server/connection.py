@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Final
 
 from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.server.disconnects import send_probe_byte
-from urbihw.kernel.server.handshake import Handshake, HandshakeFactory, Refusal, line
+from urbihw.kernel.server.handshake import Handshake, HandshakeFactory, HandshakeRefusal, line
 
 if TYPE_CHECKING:
     from urbihw.kernel.server.tcp import Server
@@ -38,7 +38,7 @@ HALF_CLOSED_TIMEOUT_S: Final = 600.0
 looks the same."""
 
 
-class Connection(asyncio.Protocol):
+class LobbyConnection(asyncio.Protocol):
     """The connection of one client.
 
     Attributes:
@@ -99,7 +99,7 @@ class Connection(asyncio.Protocol):
             return None
         try:
             accepted = self.handshake.check_bytes(data)
-        except Refusal as refusal:
+        except HandshakeRefusal as refusal:
             self.refuse(refusal)
             return None
         if accepted is not None:
@@ -116,9 +116,9 @@ class Connection(asyncio.Protocol):
 
     def _too_late(self) -> None:
         if self._undecided and not self._refused:
-            self.refuse(Refusal(line("nothing came in time"), "it did not say in time who it is"))
+            self.refuse(HandshakeRefusal(line("nothing came in time"), "it did not say in time who it is"))
 
-    def refuse(self, refusal: Refusal) -> None:
+    def refuse(self, refusal: HandshakeRefusal) -> None:
         """Stop evaluating the client's input, answer, and close the connection.  The client may have been accepted
         before."""
         if self._refused or self._transport.is_closing():

@@ -5,8 +5,8 @@ HTTP/1.1``) would be skipped as a syntax error.  So a connection that begins lik
 of its input is evaluated.  A web page controls the path and what follows, but never the first bytes: they are a method
 and a blank, or the first record of TLS, STUN or SSH.
 
-Each connection has a ``Handshake``, which gets the bytes until it accepts them or raises ``Refusal``.  It has no access
-to the socket.  ``PlainHandshake`` is the one of a port without authentication.
+Each connection has a ``Handshake``, which gets the bytes until it accepts them or raises ``HandshakeRefusal``.  It has
+no access to the socket.  ``PlainHandshake`` is the one of a port without authentication.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ MAX_METHOD_BYTES: Final = 64
 """Maximum length of a request method, in bytes; no protocol has a longer one."""
 
 
-class Refusal(Exception):
+class HandshakeRefusal(Exception):
     """Raised by a handshake: the connection must be closed.
 
     Attributes:
@@ -62,7 +62,7 @@ class Handshake(Protocol):
         """Check more bytes of the client.
 
         Returns the bytes that belong to the lobby once the client is accepted (then this is not called again), and None
-        while more are needed.  Raises Refusal.
+        while more are needed.  Raises HandshakeRefusal.
         """
         ...
 
@@ -126,13 +126,13 @@ class PlainHandshake:
 
     def check_bytes(self, data: bytes) -> bytes | None:
         """All bytes received so far if they are urbiscript; None while they may be another protocol.  Raises
-        Refusal."""
+        HandshakeRefusal."""
         self._held += data
         first = self._held.lstrip(_BLANKS)
         if first and _may_be_request(first):
             if len(first) > MAX_HELD_BACK:
                 told = line(f"a first line of more than {MAX_HELD_BACK} bytes; {_EXPLANATION}")
-                raise Refusal(told, "endless first line")
+                raise HandshakeRefusal(told, "endless first line")
             return None
         if not first and len(self._held) <= MAX_HELD_BACK:
             return None
@@ -141,19 +141,19 @@ class PlainHandshake:
 
 
 def _may_be_request(first: bytes) -> bool:
-    """Whether the bytes may become another protocol.  Raises Refusal if they already are."""
+    """Whether the bytes may become another protocol.  Raises HandshakeRefusal if they already are."""
     if first[0] < 0x20 or first[0] == 0x7F:
         spoken = _CONTROLS.get(first[0], "no text")
-        raise Refusal(line(f"this is {spoken}; {_EXPLANATION}"), f"it speaks {spoken}")
+        raise HandshakeRefusal(line(f"this is {spoken}; {_EXPLANATION}"), f"it speaks {spoken}")
     method, blank, rest = first.partition(b" ")
     if not blank:
         if method.startswith(b"SSH-") and method[4:5].isdigit():
-            raise Refusal(line(f"this is SSH; {_EXPLANATION}"), "it speaks SSH")
+            raise HandshakeRefusal(line(f"this is SSH; {_EXPLANATION}"), "it speaks SSH")
         return len(method) <= MAX_METHOD_BYTES and _TOKEN.fullmatch(method) is not None
     if method in _METHODS:
-        raise Refusal(_HTTP, "it speaks HTTP")
+        raise HandshakeRefusal(_HTTP, "it speaks HTTP")
     if method == b"PROXY":
-        raise Refusal(line(f"this is the PROXY protocol; {_EXPLANATION}"), "it speaks PROXY")
+        raise HandshakeRefusal(line(f"this is the PROXY protocol; {_EXPLANATION}"), "it speaks PROXY")
     if _TOKEN.fullmatch(method) is None:
         return False
     target, blank, version = rest.partition(b" ")
@@ -162,5 +162,5 @@ def _may_be_request(first: bytes) -> bool:
     if _TARGET.fullmatch(target) is None:
         return False
     if version.startswith(_VERSION) and version[5:6].isdigit():
-        raise Refusal(_HTTP, "it speaks HTTP")
+        raise HandshakeRefusal(_HTTP, "it speaks HTTP")
     return len(version) <= len(_VERSION) and _VERSION.startswith(version)

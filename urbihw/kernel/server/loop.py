@@ -18,7 +18,7 @@ from urbihw.kernel.server.bounds import NONE, Bounds
 from urbihw.kernel.server.watchdog import Watchdog
 
 
-class Driver:
+class LoopDriver:
     """Runs one scheduler inside one asyncio loop."""
 
     def __init__(self, scheduler: Scheduler, bounds: Bounds = NONE) -> None:

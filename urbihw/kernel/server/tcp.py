@@ -17,10 +17,10 @@ from typing import Final
 
 from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.server.acceptor import Acceptor, bind, bind_unix, release_socket
-from urbihw.kernel.server.connection import Connection, peer_of
+from urbihw.kernel.server.connection import LobbyConnection, peer_of
 from urbihw.kernel.server.disconnects import DisconnectWatcher
-from urbihw.kernel.server.handshake import HandshakeFactory, PlainHandshake, Refusal, line
-from urbihw.kernel.server.loop import Driver
+from urbihw.kernel.server.handshake import HandshakeFactory, HandshakeRefusal, PlainHandshake, line
+from urbihw.kernel.server.loop import LoopDriver
 from urbihw.repeats import LimitedLog
 
 log = logging.getLogger("urbihw.server")
@@ -64,17 +64,17 @@ class Server:
     """
 
     def __init__(
-        self, driver: Driver, open_lobby: OpenLobby, limit: int = 8 * 1024 * 1024, max_clients: int = MAX_CLIENTS
+        self, driver: LoopDriver, open_lobby: OpenLobby, limit: int = 8 * 1024 * 1024, max_clients: int = MAX_CLIENTS
     ) -> None:
         self.driver = driver
         self.open_lobby = open_lobby
         self.limit = limit
         self.max_clients = max_clients
-        self.connections: dict[Connection, None] = {}
+        self.connections: dict[LobbyConnection, None] = {}
         self.unauthenticated: set[socket.socket] = set()
-        self.paused: dict[Connection, None] = {}
+        self.paused: dict[LobbyConnection, None] = {}
         self.limited_log = LimitedLog(log)
-        self._dirty: dict[Connection, None] = {}
+        self._dirty: dict[LobbyConnection, None] = {}
         self._acceptors: list[Acceptor] = []
         self._arriving: set[asyncio.Task[bool]] = set()
         self._expected: set[socket.socket] = set()
@@ -133,7 +133,9 @@ class Server:
         """Begin or refuse the connection of a client."""
         if ssl is not None:
             if len(self.unauthenticated) >= MAX_UNAUTHENTICATED:
-                self._refuse_client(raw, Refusal(b"", f"{MAX_UNAUTHENTICATED} others have not shown a token yet"))
+                self._refuse_client(
+                    raw, HandshakeRefusal(b"", f"{MAX_UNAUTHENTICATED} others have not shown a token yet")
+                )
                 return
             self.unauthenticated.add(raw)
         elif self._clients >= self.max_clients:
@@ -160,7 +162,7 @@ class Server:
                 raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 for level, option, value in KEEP_ALIVE:
                     raw.setsockopt(level, option, value)
-            connection = Connection(self, raw, handshake, ssl is not None)
+            connection = LobbyConnection(self, raw, handshake, ssl is not None)
             # When TLS fails, asyncio closes the socket without an answer.
             spare = None if ssl is None else raw.dup()
         except OSError:  # the client is gone, or there is no descriptor left
@@ -183,17 +185,17 @@ class Server:
                 spare.close()
         return True
 
-    def _too_many_clients(self) -> Refusal:
+    def _too_many_clients(self) -> HandshakeRefusal:
         most = self.max_clients
         told = line(f"too many connections ({most}); close one, or raise max_clients")
-        return Refusal(told, f"too many connections ({most})")
+        return HandshakeRefusal(told, f"too many connections ({most})")
 
-    def add_connection(self, connection: Connection) -> None:
+    def add_connection(self, connection: LobbyConnection) -> None:
         """Add a connection that has begun."""
         self._expected.discard(connection.raw)
         self.connections[connection] = None
 
-    def admit_authenticated(self, connection: Connection) -> bool:
+    def admit_authenticated(self, connection: LobbyConnection) -> bool:
         """Count an authenticated TLS connection as a client.  Refuses it and returns False if there are too many."""
         self.unauthenticated.discard(connection.raw)
         if self._clients > self.max_clients:
@@ -205,7 +207,7 @@ class Server:
     def _clients(self) -> int:
         return len(self.connections) + len(self._expected) - len(self.unauthenticated)
 
-    def _refuse_client(self, raw: socket.socket, refusal: Refusal) -> None:
+    def _refuse_client(self, raw: socket.socket, refusal: HandshakeRefusal) -> None:
         self.limited_log.say(
             f"clients refused: {refusal.reason}", f"client {peer_of(raw)[1]} refused: {refusal.reason}"
         )
@@ -223,7 +225,7 @@ class Server:
             self._disconnect_watcher = DisconnectWatcher()
         return self._disconnect_watcher
 
-    def remove_connection(self, connection: Connection) -> None:
+    def remove_connection(self, connection: LobbyConnection) -> None:
         """Remove a connection that has ended."""
         self.connections.pop(connection, None)
         self.unauthenticated.discard(connection.raw)
@@ -231,7 +233,7 @@ class Server:
         for acceptor in self._acceptors:
             self._loop.call_soon(acceptor.resume_accepting)
 
-    def pending(self, connection: Connection) -> Callable[[Lobby], None]:
+    def pending(self, connection: LobbyConnection) -> Callable[[Lobby], None]:
         """The callback for the first output of a lobby in a round."""
 
         def wanted(lobby: Lobby) -> None:

@@ -32,7 +32,7 @@ from urbihw.kernel.sched.breaker import EXTRA_CALLS
 from urbihw.kernel.sched.errors import HeldTooLong
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.scheduler import Scheduler
-from urbihw.kernel.sched.signals import Interrupted, JobKilled, Signal
+from urbihw.kernel.sched.signals import Interrupted, JobKilled, JobSignal
 from urbihw.kernel.server.bounds import Bounds
 from urbihw.kernel.server.memory import MemoryAccount, ResidentMemory, end_all
 
@@ -123,7 +123,7 @@ class Watchdog:
     def _filter_unraisable(self, unraisable: Any) -> None:
         """Python cannot raise an error in a finalizer and logs a traceback.  Keep it out of the log if the error only
         means that the program is too deep in calls or is being ended."""
-        if not isinstance(unraisable.exc_value, RecursionError | HeldTooLong | Signal):
+        if not isinstance(unraisable.exc_value, RecursionError | HeldTooLong | JobSignal):
             self._former_hook(unraisable)
 
     # ---------------------------------------------------------------- the thread
@@ -278,7 +278,7 @@ class Watchdog:
             self._scheduler.post(lambda: lobby.output.line(text, "error"))
 
 
-def end_signal(job: Job) -> Signal:
+def end_signal(job: Job) -> JobSignal:
     """The signal that ends the running job; for the main job of a connection, that which ends its foreground statement.
 
     The caller reports the reason to the connection.

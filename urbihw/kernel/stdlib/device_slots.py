@@ -25,7 +25,7 @@ MAX_LENGTH: Final = 40
 _HIDDEN: Final = frozenset({"init", "type", "clone", "protos"})
 
 
-class Row(NamedTuple):
+class SlotRow(NamedTuple):
     """One slot; all texts."""
 
     name: str
@@ -35,9 +35,9 @@ class Row(NamedTuple):
     meaning: str = ""
 
 
-def rows_of(world: World, this: Obj) -> list[Row]:
+def rows_of(world: World, this: Obj) -> list[SlotRow]:
     """The slots that a device does not share with every object, in alphabetical order."""
-    return [Row(name, _shown(world, _present(world, this, name))) for name in sorted({*names_of(world, this)})]
+    return [SlotRow(name, _shown(world, _present(world, this, name))) for name in sorted({*names_of(world, this)})]
 
 
 def find_property(this: Obj, name: str, wanted: str) -> Value:
@@ -104,7 +104,7 @@ def _promised(world: World, this: Obj, promise: Promise) -> Value:
         return None
     try:
         return promise.read(this)
-    except errors.UrbiError:
+    except errors.ThrownError:
         return None
 
 

@@ -44,12 +44,12 @@ def _key(world: World, value: Value) -> str:
     return value.s
 
 
-def missing(world: World, key: Value) -> errors.UrbiError:
+def missing(world: World, key: Value) -> errors.ThrownError:
     """The error ``missing key: K``, an object with the slot ``key``."""
     error = Plain(world, [world.classes["Dictionary.KeyError"]])
     error.slots["key"] = key
     error.slots["message"] = world.string(f"missing key: {world.text(key)}")
-    return errors.UrbiError(error)
+    return errors.ThrownError(error)
 
 
 @TABLE.primitive("init")

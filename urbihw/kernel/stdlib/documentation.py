@@ -19,7 +19,7 @@ from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import String
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib import MODULES, prototype
-from urbihw.kernel.stdlib.device_slots import Row, find_property, rows_of
+from urbihw.kernel.stdlib.device_slots import SlotRow, find_property, rows_of
 from urbihw.kernel.stdlib.interface import kinds_of
 from urbihw.kernel.value import Value
 
@@ -108,7 +108,7 @@ class Docstrings:
             return f"{least:g} to {most:g}"
         return ""
 
-    def table(self, this: Value) -> list[Row]:
+    def table(self, this: Value) -> list[SlotRow]:
         """All slots of a device: see ``device_slots``."""
         obj = self._world.peek_obj(this)
         rows = []

@@ -43,7 +43,7 @@ NOTES = {
 
 
 @dataclass(frozen=True)
-class Format:
+class FormatPattern:
     """A parsed format pattern.  ``alignment`` and ``uppercase`` are -1, 0 or 1 as in the manual."""
 
     pattern: str
@@ -59,13 +59,13 @@ class Format:
     width: int
 
 
-def read(match: re.Match[str]) -> Format:
+def read(match: re.Match[str]) -> FormatPattern:
     """The format of a match of ``PATTERN``."""
     found = match.groupdict()
     kind = "" if found["spec"] is not None else "bare_"
     flags, spec = found[kind + "flags"], found[kind + "spec"] or "s"
     precision = found[kind + "precision"]
-    return Format(
+    return FormatPattern(
         pattern=match[0],
         alignment=-1 if "-" in flags else 0 if "=" in flags else 1,
         alt="#" in flags,
@@ -80,9 +80,9 @@ def read(match: re.Match[str]) -> Format:
     )
 
 
-def cut(world: World, text: str) -> list[str | Format]:
+def cut(world: World, text: str) -> list[str | FormatPattern]:
     """Split a format string into plain texts and formats; ``%%`` is a plain ``%``."""
-    pieces: list[str | Format] = []
+    pieces: list[str | FormatPattern] = []
     plain: list[str] = []
     position = turns = 0
     while position < len(text):
@@ -110,7 +110,7 @@ def cut(world: World, text: str) -> list[str | Format]:
 # ---------------------------------------------------------------- formatting
 
 
-def format_float(form: Format, value: float) -> str:
+def format_float(form: FormatPattern, value: float) -> str:
     """Format a number."""
     if not math.isfinite(value):
         return _cased(form, _signed(form, f"{value:g}"))
@@ -131,7 +131,7 @@ def format_float(form: Format, value: float) -> str:
     return _cased(form, _padded(form, _signed(form, _grouped(form, text))))
 
 
-def format_text(form: Format, text: str) -> str:
+def format_text(form: FormatPattern, text: str) -> str:
     """Format a text; ``%.3s`` truncates it."""
     if form.spec == "s" and form.given_precision:
         text = text[: form.precision]
@@ -140,7 +140,7 @@ def format_text(form: Format, text: str) -> str:
     return _cased(form, _padded(form, text))
 
 
-def _grouped(form: Format, text: str) -> str:
+def _grouped(form: FormatPattern, text: str) -> str:
     if not form.group:
         return text
     found = re.match(r"(-?)(\d+)(.*)\Z", text)
@@ -149,11 +149,11 @@ def _grouped(form: Format, text: str) -> str:
     return found[1] + f"{int(found[2]):,}".replace(",", form.group) + found[3]
 
 
-def _signed(form: Format, text: str) -> str:
+def _signed(form: FormatPattern, text: str) -> str:
     return text if text.startswith("-") else form.prefix + text
 
 
-def _padded(form: Format, text: str) -> str:
+def _padded(form: FormatPattern, text: str) -> str:
     missing = form.width - len(text)
     if missing <= 0:
         return text
@@ -169,11 +169,11 @@ def _padded(form: Format, text: str) -> str:
     return " " * missing + text
 
 
-def _cased(form: Format, text: str) -> str:
+def _cased(form: FormatPattern, text: str) -> str:
     return text if form.uppercase == 0 else text.upper() if form.uppercase > 0 else text.lower()
 
 
-def apply(world: World, form: Format, value: Value) -> str:
+def apply(world: World, form: FormatPattern, value: Value) -> str:
     """Format any value: a number, or the result of its ``asString``."""
     if value.__class__ is float:
         return format_float(form, value)
@@ -188,7 +188,7 @@ class FormatInfoObject(Obj):
 
     __slots__ = ("form",)
 
-    def __init__(self, world: World, protos: list[Obj], form: Format | None = None) -> None:
+    def __init__(self, world: World, protos: list[Obj], form: FormatPattern | None = None) -> None:
         super().__init__(world, protos)
         self.form = form if form is not None else one_format("%s")
 
@@ -197,7 +197,7 @@ class FormatInfoObject(Obj):
         return FormatInfoObject(self.world, [self], self.form)
 
 
-def one_format(pattern: str) -> Format:
+def one_format(pattern: str) -> FormatPattern:
     """The format of a text that consists of one pattern.  Raises an error for any other text."""
     match = PATTERN.fullmatch(pattern)
     if match is None:
@@ -259,9 +259,9 @@ class FormatterObject(Obj):
 
     __slots__ = ("pieces",)
 
-    def __init__(self, world: World, protos: list[Obj], pieces: list[str | Format] | None = None) -> None:
+    def __init__(self, world: World, protos: list[Obj], pieces: list[str | FormatPattern] | None = None) -> None:
         super().__init__(world, protos)
-        self.pieces: list[str | Format] = pieces if pieces is not None else []
+        self.pieces: list[str | FormatPattern] = pieces if pieces is not None else []
 
     def clone(self) -> FormatterObject:
         """A Formatter with the same format."""
@@ -305,10 +305,10 @@ def formatter_apply(world: World, this: FormatterObject, args: Value) -> str:
     return fill(world, this.pieces, args)
 
 
-def fill(world: World, pieces: list[str | Format], args: Value) -> str:
+def fill(world: World, pieces: list[str | FormatPattern], args: Value) -> str:
     """Join the pieces, with the formats applied to the arguments."""
     values = list(args.l) if isinstance(args, List) else [args]
-    wanted = sum(1 for piece in in_slices(world, pieces) if isinstance(piece, Format))
+    wanted = sum(1 for piece in in_slices(world, pieces) if isinstance(piece, FormatPattern))
     if len(values) != wanted:
         raise errors.primitive(f"too {'few' if len(values) < wanted else 'many'} arguments")
     following = iter(values)
@@ -319,7 +319,7 @@ def fill(world: World, pieces: list[str | Format], args: Value) -> str:
 def install(world: World, programs: Any) -> None:
     """Install ``String.'%'``, which caches parsed formats."""
     table = Table("String")
-    known: dict[str, list[str | Format]] = {}
+    known: dict[str, list[str | FormatPattern]] = {}
 
     @table.raw("%", least=1)
     def percent(world: World) -> Any:

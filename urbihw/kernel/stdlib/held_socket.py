@@ -12,10 +12,10 @@ from typing import Any, Final, TypeVar
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.holdings import Holdings, holdings_of
 from urbihw.kernel.runtime.world import World
-from urbihw.kernel.stdlib.socket_channel import ConnectionAttempt, Listener, SocketChannel, Stream
+from urbihw.kernel.stdlib.socket_channel import ConnectionAttempt, SocketChannel, SocketListener, SocketStream
 from urbihw.kernel.stdlib.support import check_descriptors, in_thread
 
-Made = TypeVar("Made", Listener, Stream)
+Made = TypeVar("Made", SocketListener, SocketStream)
 
 MAX_SOCKETS: Final = 64
 """Maximum number of open Sockets and Servers per connection, including those accepted by Servers."""
@@ -36,7 +36,7 @@ class HeldSocket:
         self.owner = owner
         self._holdings = holdings
         self.attempt = ConnectionAttempt()
-        self._made: SocketChannel | Listener | None = None
+        self._made: SocketChannel | SocketListener | None = None
         self._closed = False
         holdings.register(self, "sockets", MAX_SOCKETS, self.attempt.address)
 
@@ -93,7 +93,7 @@ class HeldSocket:
     def _unsent(self) -> int:
         return self._made.unsent if isinstance(self._made, SocketChannel) else 0
 
-    def set_channel(self, made: SocketChannel | Listener) -> None:
+    def set_channel(self, made: SocketChannel | SocketListener) -> None:
         """Store the opened channel."""
         self._made = made
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from urbihw.kernel.runtime.backtrace import LINE_MAP, NO_STACK, Frame, Stack, current_stack, entry_of
+from urbihw.kernel.runtime.backtrace import LINE_MAP, NO_STACK, CallFrame, Stack, current_stack, entry_of
 from urbihw.kernel.runtime.event import wait_for
 from urbihw.kernel.runtime.location import make_frames
 from urbihw.kernel.runtime.object import Obj
@@ -189,7 +189,7 @@ def starter(world: World) -> Callable[[Callable[[], Any], bool], JobObject]:
         world.scheduler.prefer(made)
         value = job_value(world, made)
         stack = current_stack()
-        value.origin = (Frame(stack.location, stack.routine), *stack.calls)
+        value.origin = (CallFrame(stack.location, stack.routine), *stack.calls)
         return value
 
     return start

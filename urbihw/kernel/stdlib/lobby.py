@@ -39,7 +39,7 @@ NOTES = {
 """Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
-class Output(Protocol):
+class LobbyOutput(Protocol):
     """The members of a lobby's output that are used here."""
 
     sent: int
@@ -63,10 +63,10 @@ class Output(Protocol):
         ...
 
 
-class Lobby(Protocol):
+class SpeakerLobby(Protocol):
     """The members of a connection's lobby that are used here."""
 
-    output: Output
+    output: LobbyOutput
     answering: dict[str, Tag]
     connected: bool
     received: int
@@ -91,15 +91,15 @@ def current(world: World) -> Any:
     return world.nil if context is None else context
 
 
-def connected_lobby(this: Value) -> Lobby:
+def connected_lobby(this: Value) -> SpeakerLobby:
     """A lobby that has a connection.  Raises an error for Lobby itself."""
     if type(this).__name__ != "Lobby":
         raise errors.primitive("must be called on Lobby derivative")
-    lobby: Lobby = this
+    lobby: SpeakerLobby = this
     return lobby
 
 
-def own_lobby(world: World, this: Value) -> Lobby:
+def own_lobby(world: World, this: Value) -> SpeakerLobby:
     """A lobby of the running job's own connection, or one that it has created.  Raises an error for the lobby of
     another connection.
     """
@@ -110,7 +110,7 @@ def own_lobby(world: World, this: Value) -> Lobby:
     return lobby
 
 
-def echo_to(world: World, lobby: Lobby, value: Value, channel: str) -> None:
+def echo_to(world: World, lobby: SpeakerLobby, value: Value, channel: str) -> None:
     """Send one line after three stars."""
     lobby.output.line(starred(world.text(value)), channel)
 
@@ -215,7 +215,7 @@ def connected(world: World, this: Value) -> bool:
     return connected_lobby(this).connected
 
 
-def _alive(this: Value) -> Lobby:
+def _alive(this: Value) -> SpeakerLobby:
     lobby = connected_lobby(this)
     if not lobby.connected:
         raise errors.primitive("Lobby is not connected")
@@ -304,7 +304,7 @@ def _created(world: World, maker: Any) -> Any:
 class Relay:
     """An output that forwards everything to another one until it is closed."""
 
-    def __init__(self, output: Output) -> None:
+    def __init__(self, output: LobbyOutput) -> None:
         self._output = output
         self.root = output.root
         self.sent = 0

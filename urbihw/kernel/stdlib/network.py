@@ -19,7 +19,7 @@ from urbihw.kernel.sched.waiting import Completion
 from urbihw.kernel.stdlib.held_socket import HeldSocket
 from urbihw.kernel.stdlib.io_service import Action, ServiceObject
 from urbihw.kernel.stdlib.pipe import pipes_of
-from urbihw.kernel.stdlib.socket_channel import SocketChannel, Stream, connect_to, serial_stream
+from urbihw.kernel.stdlib.socket_channel import SocketChannel, SocketStream, connect_to, serial_stream
 from urbihw.kernel.stdlib.support import field
 from urbihw.kernel.value import Value
 
@@ -71,7 +71,7 @@ class SocketObject(Obj):
             self.world.send(event, "emit", *payload)
         return []
 
-    def set_connection(self, stream: Stream, held: HeldSocket) -> None:
+    def set_connection(self, stream: SocketStream, held: HeldSocket) -> None:
         """Connect this Socket to a stream that is held by a lobby."""
         service = self.io()
         scheduler = self.world.scheduler
@@ -180,7 +180,7 @@ def connect_serial(world: World, this: SocketObject, device: str, baud: int) -> 
     _begin(this, held, held.open(lambda: serial_stream(device, baud)))
 
 
-def _begin(this: SocketObject, held: HeldSocket, stream: Stream) -> None:
+def _begin(this: SocketObject, held: HeldSocket, stream: SocketStream) -> None:
     if this.channel is not None:
         this.channel.close()
     this.set_connection(stream, held)

@@ -16,7 +16,7 @@ from urbihw.kernel.stdlib.held_socket import HeldSocket
 from urbihw.kernel.stdlib.io_service import ServiceObject
 from urbihw.kernel.stdlib.network import SocketObject, port_number
 from urbihw.kernel.stdlib.pipe import pipes_of
-from urbihw.kernel.stdlib.socket_channel import Listener, Stream
+from urbihw.kernel.stdlib.socket_channel import SocketListener, SocketStream
 from urbihw.kernel.stdlib.support import check_descriptors
 from urbihw.kernel.value import Value
 
@@ -40,7 +40,7 @@ class ServerObject(Obj):
     def __init__(self, world: World, protos: list[Obj], service: ServiceObject | None = None) -> None:
         super().__init__(world, protos)
         self.service = service
-        self.listener: Listener | None = None
+        self.listener: SocketListener | None = None
         self.held: HeldSocket | None = None
         self.sockets: list[SocketObject] = []
 
@@ -54,15 +54,15 @@ class ServerObject(Obj):
             raise errors.primitive("server without IoService")
         return self.service
 
-    def listen(self, listener: Listener, held: HeldSocket) -> None:
+    def listen(self, listener: SocketListener, held: HeldSocket) -> None:
         """Accept connections for a lobby; a former listening socket of this Server is closed."""
         self.stop()
         service, scheduler = self.io(), self.world.scheduler
 
-        def accepted(stream: Stream) -> None:
+        def accepted(stream: SocketStream) -> None:
             scheduler.post(lambda: service.queue_event(held.owner, lambda: welcome(stream)))
 
-        def welcome(stream: Stream) -> None:
+        def welcome(stream: SocketStream) -> None:
             listener.count_accepted()
             self._welcome(stream, held)
 
@@ -76,7 +76,7 @@ class ServerObject(Obj):
             self.listener.close()
             self.held.release()
 
-    def _welcome(self, stream: Stream, held: HeldSocket) -> None:
+    def _welcome(self, stream: SocketStream, held: HeldSocket) -> None:
         try:
             check_descriptors()
             own = held.for_accepted()
@@ -95,7 +95,7 @@ class ServerObject(Obj):
         if made.channel is not None:
             made.channel.start()
 
-    def listening(self) -> Listener:
+    def listening(self) -> SocketListener:
         """The listening socket.  Raises an error if there is none."""
         if self.listener is None or not self.listener.is_open:
             raise errors.primitive("server not listening")
@@ -117,7 +117,7 @@ def listen(world: World, this: ServerObject, host: str, port: Value) -> None:
     number = port_number(world, port, 2)
     this.io()
     held = HeldSocket.of_job(world)
-    this.listen(held.open(lambda: Listener(pipes_of(world).poller, host, number)), held)
+    this.listen(held.open(lambda: SocketListener(pipes_of(world).poller, host, number)), held)
 
 
 @SERVER.primitive("host")

@@ -33,7 +33,7 @@ _NEXT: Final = re.compile(
 _FUNCTION: Final = "{} is a function: its result cannot be subscribed, but that of a getter can"
 
 
-class Step(NamedTuple):
+class PathStep(NamedTuple):
     """One step of a path: the slot ``name``, or ``index`` in a container or (a place, such as left) in a Localizer;
     ``end`` is the column behind it.
     """
@@ -47,10 +47,10 @@ class Unreadable(Exception):
     """A step of a path cannot be taken; the message is one line with its place in the path."""
 
 
-def parse_path(world: World, text: str) -> list[Step]:
+def parse_path(world: World, text: str) -> list[PathStep]:
     """The steps of a path.  Raises an urbiscript error for any other text."""
     match = _FIRST.match(text) if len(text) <= MAX_PATH_LENGTH else None
-    steps: list[Step] = []
+    steps: list[PathStep] = []
     while match is not None:
         name, number, word, place = (*match.groups(), None, None, None)[:4]
         index: Any = None if number is None else float(number)
@@ -60,7 +60,7 @@ def parse_path(world: World, text: str) -> list[Step]:
             index = prototype(world, "Localization").slots.get(place)
         if name is None and index is None:
             break
-        steps.append(Step(name or "", index, match.end()))
+        steps.append(PathStep(name or "", index, match.end()))
         if match.end() == len(text):
             return steps
         match = _NEXT.match(text, match.end())
@@ -68,7 +68,7 @@ def parse_path(world: World, text: str) -> list[Step]:
     raise errors.primitive(f"\"{shown}\" is no path of a slot, such as motor6.val or robot.joint[6].val")
 
 
-def make_reader(world: World, this: Value, steps: list[Step]) -> Callable[[], Value]:
+def make_reader(world: World, this: Value, steps: list[PathStep]) -> Callable[[], Value]:
     """A function that reads the slot of a path.  It raises Unreadable or what a getter raises."""
     read_slot = make_slot_reader(world)
 
@@ -147,14 +147,14 @@ def is_told(world: World, target: Value, promise: Promise) -> bool:
     return isinstance(unit, String) and bool(unit.s) or f"{promise.kind}.{promise.name}" in TOLD
 
 
-def unit_of(world: World, this: Value, steps: list[Step]) -> str:
+def unit_of(world: World, this: Value, steps: list[PathStep]) -> str:
     """The unit of the slot of a path; "" if it has none, or cannot be found now."""
     last = steps[-1]
     if last.index is not None:
         return ""
     try:
         holder = make_reader(world, this, steps[:-1])()
-    except (Unreadable, errors.UrbiError):
+    except (Unreadable, errors.ThrownError):
         return ""
     unit = find_property(world.peek_obj(holder), last.name, "unit")
     return unit.s if isinstance(unit, String) else ""

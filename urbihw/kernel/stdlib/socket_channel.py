@@ -33,7 +33,7 @@ RESOURCE_ERRORS: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOME
 
 
 @dataclass(frozen=True)
-class Stream:
+class SocketStream:
     """An open non-blocking descriptor, and the addresses of both ends."""
 
     descriptor: int
@@ -45,15 +45,15 @@ class Stream:
         os.close(self.descriptor)
 
 
-def tcp_stream(connection: socket.socket) -> Stream:
+def tcp_stream(connection: socket.socket) -> SocketStream:
     """The stream of a TCP connection, which takes over the descriptor.  Raises OSError."""
     remote, local = connection.getpeername()[:2], connection.getsockname()[:2]
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     connection.setblocking(False)
-    return Stream(connection.detach(), remote, local)
+    return SocketStream(connection.detach(), remote, local)
 
 
-def serial_stream(device: str, baud: int) -> Stream:
+def serial_stream(device: str, baud: int) -> SocketStream:
     """A serial port with eight bits and no parity, opened by the operating system's interface: a bus library is not
     needed for it.
 
@@ -74,7 +74,7 @@ def serial_stream(device: str, baud: int) -> Stream:
     except (OSError, termios.error) as error:
         os.close(opened)
         raise OSError(f"{device} is no serial port: {error}") from error
-    return Stream(opened, (device, 0), (device, 0))
+    return SocketStream(opened, (device, 0), (device, 0))
 
 
 class ConnectionAttempt:
@@ -93,7 +93,7 @@ class ConnectionAttempt:
         return self.local
 
 
-def connect_to(host: str, port: int | str, attempt: ConnectionAttempt, timeout: float = 30.0) -> Stream:
+def connect_to(host: str, port: int | str, attempt: ConnectionAttempt, timeout: float = 30.0) -> SocketStream:
     """Connect to a host.  Blocks; raises OSError."""
     found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
     problem: OSError | None = None
@@ -125,7 +125,7 @@ class SocketChannel:
         message: reason of the failure; empty after an orderly end.
     """
 
-    def __init__(self, poller: Poller, stream: Stream, news: Callable[[], None]) -> None:
+    def __init__(self, poller: Poller, stream: SocketStream, news: Callable[[], None]) -> None:
         self.stream = stream
         self.descriptor = stream.descriptor
         self.unsent = 0
@@ -268,7 +268,7 @@ class SocketChannel:
                 sent()
 
 
-class Listener:
+class SocketListener:
     """A listening socket.  ``accepted(stream)`` is called from the poller's thread; ``count_accepted`` must be called
     after the stream is handled."""
 
@@ -280,7 +280,7 @@ class Listener:
         self._poller = poller
         self._lock = threading.Lock()
         self._waiting = 0
-        self._accepted: Callable[[Stream], None]
+        self._accepted: Callable[[SocketStream], None]
         self._socket = socket.socket(family, kind, protocol)
         try:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -294,7 +294,7 @@ class Listener:
         self.descriptor = self._socket.fileno()
         self.is_open = True
 
-    def start(self, accepted: Callable[[Stream], None]) -> None:
+    def start(self, accepted: Callable[[SocketStream], None]) -> None:
         """Start to accept connections."""
         self._accepted = accepted
         self._poller.schedule(self)

@@ -42,7 +42,7 @@ NOTES = {
 """Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
-class Source(Protocol):
+class ByteSource(Protocol):
     """A source of bytes; its methods may suspend the running job until there are some."""
 
     def read_byte(self) -> bytes:
@@ -100,7 +100,7 @@ class InputStreamObject(Obj):
 
     __slots__ = ("source",)
 
-    def __init__(self, world: World, protos: list[Obj], source: Source | None = None) -> None:
+    def __init__(self, world: World, protos: list[Obj], source: ByteSource | None = None) -> None:
         super().__init__(world, protos)
         self.source = source
 
@@ -108,7 +108,7 @@ class InputStreamObject(Obj):
         """A closed stream."""
         return InputStreamObject(self.world, [self])
 
-    def opened(self) -> Source:
+    def opened(self) -> ByteSource:
         """The source.  Raises an error if the stream is closed."""
         if self.source is None:
             raise errors.primitive("stream is closed")

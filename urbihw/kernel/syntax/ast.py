@@ -12,11 +12,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, Final, TypeVar, dataclass_transform
 
-from urbihw.kernel.syntax.binding import UNBOUND, Bound
+from urbihw.kernel.syntax.binding import UNBOUND, BoundNode
 from urbihw.kernel.syntax.location import NOWHERE, Span
 
 T = TypeVar("T")
-PLAIN: Final = frozenset(("str", "float", "bool", "Span", "Bound", "str | None", "float | None", "tuple[str, ...]"))
+PLAIN: Final = frozenset(("str", "float", "bool", "Span", "BoundNode", "str | None", "float | None", "tuple[str, ...]"))
 """The types of fields that hold no nodes."""
 
 
@@ -45,7 +45,7 @@ class Node:
 
     links: ClassVar[tuple[str, ...]]
     span: Span = field(default=NOWHERE, compare=False)
-    bound: Bound = field(default=UNBOUND, init=False, compare=False, repr=False)
+    bound: BoundNode = field(default=UNBOUND, init=False, compare=False, repr=False)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Node) and self.__class__ is other.__class__ and self._content() == other._content()
@@ -72,7 +72,7 @@ class Float(Node):
 
 
 @node()
-class String(Node):
+class StringLiteral(Node):
     """A string literal, adjacent ones glued; one character per byte (latin-1)."""
 
     value: str
@@ -108,7 +108,7 @@ class This(Node):
 
 
 @node()
-class CallMessage(Node):
+class CallKeyword(Node):
     """``call``: the message by which the running function was called."""
 
 

@@ -1,7 +1,7 @@
 """What the compiler learns about a node and stores on it while it compiles: variables, functions, jobs.
 
-The slot ``bound`` of every node has ``UNBOUND`` outside of a compilation.  ``compiler.bind`` stores a ``Bound`` on each
-node that needs one; when the code of the statement is written, all of them are removed.
+The slot ``bound`` of every node has ``UNBOUND`` outside of a compilation.  ``compiler.bind`` stores a ``BoundNode`` on
+each node that needs one; when the code of the statement is written, all of them are removed.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ class Local:
 
     __slots__ = ("assigned", "captured", "const", "fresh", "frame", "late", "maybe_void", "name", "python")
 
-    def __init__(self, name: str, python: str, frame: Frame, fresh: bool) -> None:
+    def __init__(self, name: str, python: str, frame: FunctionFrame, fresh: bool) -> None:
         self.name = name
         self.python = python
         self.frame = frame
@@ -37,7 +37,7 @@ class Local:
         return self.captured and self.assigned
 
 
-class Frame:
+class FunctionFrame:
     """One Python function that will be generated; ``literal`` if it is a function of the program, not a part that runs
     apart.
 
@@ -51,7 +51,7 @@ class Frame:
         "this", "uses_call",
     )  # fmt: skip
 
-    def __init__(self, parent: Frame | None, literal: bool = False) -> None:
+    def __init__(self, parent: FunctionFrame | None, literal: bool = False) -> None:
         """Raises TooDeep if functions nest too deep."""
         self.parent = parent
         self.depth: int = 0 if parent is None else parent.depth + 1
@@ -101,7 +101,7 @@ class Known(NamedTuple):
         return found
 
 
-class Bound:
+class BoundNode:
     """What is known about one node of the statement that is being compiled."""
 
     __slots__ = (
@@ -113,9 +113,9 @@ class Bound:
         """The variable that the node names or declares; None for a slot."""
         self.this: Local | None = None
         """``this`` as the node sees it, if it needs it."""
-        self.frame: Frame | None = None
+        self.frame: FunctionFrame | None = None
         """The Python function whose body the node is."""
-        self.function: Frame | None = None
+        self.function: FunctionFrame | None = None
         """Of a function literal: the Python function that it becomes."""
         self.names: list[Local | None] = []
         """Of a pattern: what it declares, in the order of the text; None for a slot of this."""
@@ -134,14 +134,14 @@ class Bound:
         self.known: Known | None = None
         """Of a call: the locals that its arguments name."""
 
-    def __reduce__(self) -> tuple[Callable[[], Bound], tuple[()]]:
+    def __reduce__(self) -> tuple[Callable[[], BoundNode], tuple[()]]:
         """Copies of nodes and nodes loaded from the disk are not bound."""
         return _unbound, ()
 
 
-def _unbound() -> Bound:
+def _unbound() -> BoundNode:
     return UNBOUND
 
 
-UNBOUND = Bound()
-"""The ``Bound`` of all unbound nodes; it is never modified."""
+UNBOUND = BoundNode()
+"""The ``BoundNode`` of all unbound nodes; it is never modified."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.ast import Node
-from urbihw.kernel.syntax.pace import Pace
+from urbihw.kernel.syntax.pace import StepPace
 from urbihw.kernel.syntax.rules import Problem
 
 
@@ -38,7 +38,7 @@ _Step = tuple[Node, _Context]
 _TOP = _Context()
 
 
-def check(statement: Node, pace: Pace) -> list[Problem]:
+def check(statement: Node, pace: StepPace) -> list[Problem]:
     """The errors of a whole statement, in the order of the text; each node is two steps."""
     problems: list[Problem] = []
     todo: list[_Step] = [(statement, _TOP)]
@@ -86,7 +86,7 @@ def _complaint(node: Node, context: _Context) -> str | None:
             return "`continue' not within a loop"
         case ast.Return() if not context.function:
             return "return: outside a function"
-        case ast.CallMessage() if not context.call:
+        case ast.CallKeyword() if not context.call:
             return "call: used outside any function"
         case ast.Throw(value=None) if not context.catch:
             return "throw: argumentless throw outside of a catch block"

@@ -21,7 +21,7 @@ RULES = RuleSet()
 Args = list[Node]
 
 
-class Place(NamedTuple):
+class DeclaredPlace(NamedTuple):
     """What ``var``, ``class`` or ``function`` declares: a name, or a slot of a target.  Errors point at ``span``."""
 
     target: Node | None
@@ -98,12 +98,12 @@ def _variable(problems: Problems, place: Node, operator: Token) -> None:
 
 
 @RULES.rule
-def declaration(span: Span, place: Place) -> Node:
+def declaration(span: Span, place: DeclaredPlace) -> Node:
     return ast.Var(place.target, place.name, place=place.span, span=span)
 
 
 @RULES.rule
-def declaration_const(span: Span, place: Place) -> Node:
+def declaration_const(span: Span, place: DeclaredPlace) -> Node:
     return ast.Var(place.target, place.name, None, True, place.span, span=span)
 
 
@@ -113,13 +113,13 @@ def declare(span: Span, variable: ast.Var, value: Node) -> Node:
 
 
 @RULES.rule
-def place_name(_span: Span, name: Token) -> Place:
-    return Place(None, name.text, name.span)
+def place_name(_span: Span, name: Token) -> DeclaredPlace:
+    return DeclaredPlace(None, name.text, name.span)
 
 
 @RULES.rule
-def place_member(_span: Span, target: Node, name: Token) -> Place:
-    return Place(target, name.text, target.span)
+def place_member(_span: Span, target: Node, name: Token) -> DeclaredPlace:
+    return DeclaredPlace(target, name.text, target.span)
 
 
 @RULES.rule
@@ -187,13 +187,13 @@ def send(span: Span, target: Node, name: Token, args: Args | None = None) -> Nod
 @RULES.rule
 def slot_of(span: Span, target: Node, name: Token) -> Node:
     """``o.&name``: the value of a slot, not called."""
-    return ast.Call(target, "getSlot", (ast.String(name.text, span=name.span),), span=span)
+    return ast.Call(target, "getSlot", (ast.StringLiteral(name.text, span=name.span),), span=span)
 
 
 @RULES.rule
 def slot_here(span: Span, name: Token) -> Node:
     """``&name``: the value of a slot of ``this``, not called."""
-    return ast.Call(None, "getSlot", (ast.String(name.text, span=name.span),), span=span)
+    return ast.Call(None, "getSlot", (ast.StringLiteral(name.text, span=name.span),), span=span)
 
 
 @RULES.rule
@@ -257,13 +257,13 @@ def durations(span: Span, tokens: list[Token]) -> Node:
 
 @RULES.rule
 def strings(span: Span, tokens: list[Token]) -> Node:
-    return ast.String("".join(token.text for token in tokens), span=span)
+    return ast.StringLiteral("".join(token.text for token in tokens), span=span)
 
 
 @RULES.rule
 def binary_old(span: Span, token: Token) -> Node:
     assert isinstance(token.value, tuple)
-    args = tuple(ast.String(text, span=span) for text in token.value)
+    args = tuple(ast.StringLiteral(text, span=span) for text in token.value)
     return ast.Call(ast.Call(None, "Binary", span=span), "new", args, span=span)
 
 
@@ -304,7 +304,7 @@ def this(span: Span) -> Node:
 
 @RULES.rule
 def call(span: Span) -> Node:
-    return ast.CallMessage(span=span)
+    return ast.CallKeyword(span=span)
 
 
 # ------------------------------------------------------------ functions

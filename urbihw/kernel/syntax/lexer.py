@@ -15,7 +15,7 @@ from typing import Final
 
 from urbihw.kernel.syntax.location import Span
 from urbihw.kernel.syntax.rules import Problem
-from urbihw.kernel.syntax.source import Source
+from urbihw.kernel.syntax.source import SourceText
 from urbihw.kernel.syntax.tokens import (
     ANGLES,
     DURATIONS,
@@ -63,7 +63,7 @@ _BINARY = re.compile(r"BIN[ \t\r\n]+([0-9]{1,15})([^;]{0,1000});")
 _UNFINISHED_BINARY = re.compile(r"BIN(?:[ \t\r\n]+(?:[0-9]{1,15}[^;]{0,1000})?)?\Z")
 
 
-class Lexer(Source):
+class Lexer(SourceText):
     """Splits one stream into tokens; invalid characters are reported to ``problems``.
 
     After ``begin`` has skipped to the first character of a statement, ``next`` returns its tokens one by one.

@@ -12,7 +12,7 @@ def no_pause() -> None:
     """The pause of short work: does nothing."""
 
 
-class Pace:
+class StepPace:
     """Counts steps and calls ``pause`` after each ``STEPS_PER_PAUSE`` of them.  If ``pause`` raises, the work is
     abandoned."""
 

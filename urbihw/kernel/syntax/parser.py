@@ -21,9 +21,9 @@ from typing import Any, Final
 from urbihw.kernel.syntax import ast, expressions, statements
 from urbihw.kernel.syntax.check import CHECKED, check
 from urbihw.kernel.syntax.location import Span
-from urbihw.kernel.syntax.pace import Pace
+from urbihw.kernel.syntax.pace import StepPace
 from urbihw.kernel.syntax.rules import Action, Problem, Problems
-from urbihw.kernel.syntax.statements import Command
+from urbihw.kernel.syntax.statements import StatementCommand
 from urbihw.kernel.syntax.tables import load_tables
 from urbihw.kernel.syntax.tokens import CONTEXTUAL, CONTEXTUAL_INSIDE, Token, shown
 
@@ -116,10 +116,10 @@ class Parser:
         self._begin()
         self.problems.clear()
 
-    def take_command(self, pace: Pace) -> Command:
+    def take_command(self, pace: StepPace) -> StatementCommand:
         """The complete statement.  Errors that the grammar does not detect are added to the problems."""
         command, doubtful = self._values[-1], self._doubtful
-        assert isinstance(command, Command)
+        assert isinstance(command, StatementCommand)
         self._begin()
         if doubtful and command.node is not None and all(problem.warning for problem in self.problems):
             self.problems.extend(check(command.node, pace))

@@ -116,7 +116,7 @@ def _flavor(flavor: str, default: str) -> str:
 # ---------------------------------------------------------------- literals and messages
 
 
-def _string(node: ast.String) -> _Parts:
+def _string(node: ast.StringLiteral) -> _Parts:
     return [f'"{escaped(node.value)}"']
 
 
@@ -318,12 +318,12 @@ def _every(node: ast.Every) -> _Parts:
 
 _PRINTERS: dict[type[Node], Callable[[Any], _Parts]] = {
     ast.Float: lambda node: [print_float(node.value)],
-    ast.String: _string,
+    ast.StringLiteral: _string,
     ast.ListLit: lambda node: ["[", *_list(node.items), "]"],
     ast.TupleLit: _tuple,
     ast.DictLit: _dictionary,
     ast.This: lambda node: ["this"],
-    ast.CallMessage: lambda node: ["call"],
+    ast.CallKeyword: lambda node: ["call"],
     ast.Call: _call,
     ast.And: _and,
     ast.Or: _or,

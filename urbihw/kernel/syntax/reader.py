@@ -19,7 +19,7 @@ from urbihw.kernel.syntax.ast import Node
 from urbihw.kernel.syntax.hints import hint
 from urbihw.kernel.syntax.lexer import Lexer
 from urbihw.kernel.syntax.location import Location, Position
-from urbihw.kernel.syntax.pace import Pace
+from urbihw.kernel.syntax.pace import StepPace
 from urbihw.kernel.syntax.parser import UNEXPECTED, Parser
 from urbihw.kernel.syntax.tokens import Token
 
@@ -106,7 +106,7 @@ _MAX_LOOKUPS = 4
 _SEPARATOR = re.compile("[;,]")
 
 
-class Reader:
+class StatementReader:
     """Reads one stream; ``file`` is its name in positions, None for a connection."""
 
     def __init__(self, file: str | None = None, cache: StatementCache | None = None) -> None:
@@ -125,7 +125,7 @@ class Reader:
         """Number of bytes of the incomplete statement."""
         return self._bytes
 
-    def feed(self, data: bytes, pace: Pace | None = None) -> list[Item]:
+    def feed(self, data: bytes, pace: StepPace | None = None) -> list[Item]:
         """The statements and errors that these bytes complete.
 
         Each word or sign is a step of ``pace``, and so is each node of a complete statement.  If a pause raises, the
@@ -134,12 +134,12 @@ class Reader:
         self._bytes += len(data)
         self._lexer.feed(data.decode("latin-1"))
         items: list[Item] = []
-        self._read(items, Pace() if pace is None else pace)
+        self._read(items, StepPace() if pace is None else pace)
         return items
 
-    def finish(self, pace: Pace | None = None) -> list[Item]:
+    def finish(self, pace: StepPace | None = None) -> list[Item]:
         """End the input.  A last statement without separator is returned, an incomplete one is an error."""
-        pace = Pace() if pace is None else pace
+        pace = StepPace() if pace is None else pace
         self._lexer.close()
         items: list[Item] = []
         self._read(items, pace)
@@ -153,7 +153,7 @@ class Reader:
         self._complete(items, pace)
         return items
 
-    def _read(self, items: list[Item], pace: Pace) -> None:
+    def _read(self, items: list[Item], pace: StepPace) -> None:
         lexer, parser = self._lexer, self._parser
         while lexer.begin():
             if self._open is not None:
@@ -197,7 +197,7 @@ class Reader:
         self._parser.discard()
         self._lexer.drop_text()
 
-    def _skip(self, pace: Pace) -> bool:
+    def _skip(self, pace: StepPace) -> bool:
         """Continue to skip a refused statement; true if its end has arrived."""
         lexer, opened = self._lexer, self._open
         assert opened is not None
@@ -230,7 +230,7 @@ class Reader:
         """End the statement behind a binary of the old form: any text may follow its data."""
         return self._parser.accepts(";") and self._parser.push(Token(";", ";", self._lexer.end()))
 
-    def _complete(self, items: list[Item], pace: Pace) -> None:
+    def _complete(self, items: list[Item], pace: StepPace) -> None:
         """Return the statement that the parser has completed, or its errors."""
         lexer, parser = self._lexer, self._parser
         node, ending = parser.take_command(pace)
@@ -278,5 +278,5 @@ class Reader:
 
 def parse_program(text: str, file: str | None = None) -> list[Item]:
     """Parse a whole program, one character per byte.  Run it only if there is no error among the items."""
-    reader = Reader(file)
+    reader = StatementReader(file)
     return reader.feed(text.encode("latin-1")) + reader.finish()

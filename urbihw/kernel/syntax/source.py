@@ -27,7 +27,7 @@ _SYNCLINE = re.compile(r'//#(?:(line|push)[ \t]+([0-9]{1,9})[ \t]+"([^"]*)"|(pop
 _SYNCLINE_SIZE = 4096
 
 
-class Source:
+class SourceText:
     """One stream of characters, fed packet by packet.
 
     ``begin`` skips to the first character of a statement, ``take_text`` ends it and returns its text.  Spans are

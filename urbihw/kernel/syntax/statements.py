@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.ast import Node
-from urbihw.kernel.syntax.expressions import Args, Place, function
+from urbihw.kernel.syntax.expressions import Args, DeclaredPlace, function
 from urbihw.kernel.syntax.location import Span
 from urbihw.kernel.syntax.rules import Problem, Problems, RuleSet
 from urbihw.kernel.syntax.tokens import Token
@@ -18,7 +18,7 @@ RULES = RuleSet()
 Condition = ast.EventCond | ast.ExprCond
 
 
-class Command(NamedTuple):
+class StatementCommand(NamedTuple):
     """A whole statement of a connection: its node, None if empty or broken, and the token that ended it."""
 
     node: Node | None
@@ -37,13 +37,13 @@ def _flavor(token: Token | None, default: str) -> str:
 
 
 @RULES.rule
-def complete(_span: Span, node: Node, ending: Token) -> Command:
-    return Command(node, ending)
+def complete(_span: Span, node: Node, ending: Token) -> StatementCommand:
+    return StatementCommand(node, ending)
 
 
 @RULES.rule
-def nothing(_span: Span, *symbols: Token) -> Command:
-    return Command(None, symbols[-1])
+def nothing(_span: Span, *symbols: Token) -> StatementCommand:
+    return StatementCommand(None, symbols[-1])
 
 
 # ------------------------------------------------------------ composition
@@ -216,37 +216,37 @@ def assert_block(span: Span, claims: Args, last: Node | None = None) -> Node:
 
 
 @RULES.rule
-def function_named(span: Span, place: Place, formals: list[ast.Formal] | None, body: ast.Scope) -> Node:
+def function_named(span: Span, place: DeclaredPlace, formals: list[ast.Formal] | None, body: ast.Scope) -> Node:
     return ast.Var(place.target, place.name, function(span, formals, body), place=place.span, span=span)
 
 
 @RULES.rule
-def class_(span: Span, place: Place, protos: Args | None, body: ast.Scope) -> Node:
+def class_(span: Span, place: DeclaredPlace, protos: Args | None, body: ast.Scope) -> Node:
     return ast.Class(place.target, place.name, tuple(protos or ()), body, span=span)
 
 
 @RULES.rule
-def enum_(span: Span, place: Place, names: list[Token]) -> Node:
+def enum_(span: Span, place: DeclaredPlace, names: list[Token]) -> Node:
     """``enum Name { a, b }`` is ``var Name = Enumeration.new("Name", ["a", "b"])``."""
-    values = ast.ListLit(tuple(ast.String(name.text, span=name.span) for name in names), span=span)
-    args = (ast.String(place.name, span=place.span), values)
+    values = ast.ListLit(tuple(ast.StringLiteral(name.text, span=name.span) for name in names), span=span)
+    args = (ast.StringLiteral(place.name, span=place.span), values)
     made = ast.Call(ast.Call(None, "Enumeration", span=place.span), "new", args, span=span)
     return ast.Var(place.target, place.name, made, place=place.span, span=span)
 
 
 @RULES.rule
-def getter(span: Span, place: Place, formals: list[ast.Formal] | None, body: ast.Scope) -> Node:
+def getter(span: Span, place: DeclaredPlace, formals: list[ast.Formal] | None, body: ast.Scope) -> Node:
     """``get name() { }`` is ``name->oget = function () { }``."""
     return _accessor(span, place, "oget", function(span, formals, body))
 
 
 @RULES.rule
-def setter(span: Span, place: Place, formals: list[ast.Formal] | None, body: ast.Scope) -> Node:
+def setter(span: Span, place: DeclaredPlace, formals: list[ast.Formal] | None, body: ast.Scope) -> Node:
     """``set name(x) { }`` is ``name->oset = function (x) { }``."""
     return _accessor(span, place, "oset", function(span, formals, body))
 
 
-def _accessor(span: Span, place: Place, name: str, value: Node) -> Node:
+def _accessor(span: Span, place: DeclaredPlace, name: str, value: Node) -> Node:
     slot = ast.Call(place.target, place.name, span=place.span)
     return ast.Assign(ast.Property(slot, name, span=place.span), value, span=span)
 

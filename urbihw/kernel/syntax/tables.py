@@ -24,7 +24,7 @@ GRAMMAR = Path(__file__).with_name("urbiscript.lark")
 
 
 @dataclass(frozen=True)
-class Rule:
+class GrammarRule:
     """A rule: ``origin`` consists of ``size`` symbols; ``action`` makes its value from the symbols at the indices
     ``kept``.
 
@@ -46,7 +46,7 @@ class Tables:
     """
 
     rows: tuple[dict[str, int], ...]
-    rules: tuple[Rule, ...]
+    rules: tuple[GrammarRule, ...]
     passed: dict[tuple[int, int, str], int] = field(default_factory=dict, compare=False, repr=False)
 
     @cached_property
@@ -91,7 +91,7 @@ def load_tables() -> Tables:
 def _unpack(saved: bytes) -> Tables | None:
     try:
         data = json.loads(saved)
-        rules = tuple(Rule(origin, size, action, tuple(kept)) for origin, size, action, kept in data["rules"])
+        rules = tuple(GrammarRule(origin, size, action, tuple(kept)) for origin, size, action, kept in data["rules"])
         return Tables(tuple(data["rows"]), rules)
     except (ValueError, KeyError, TypeError):
         return None
@@ -143,9 +143,9 @@ def build_tables(grammar: str) -> Tables:
     return Tables(tuple(rows), tuple(_rule(rule) for rule in rules))
 
 
-def _rule(rule: Any) -> Rule:
+def _rule(rule: Any) -> GrammarRule:
     """Convert a rule of lark; it keeps the symbols that lark's own trees would keep."""
     kept = tuple(place for place, symbol in enumerate(rule.expansion) if not getattr(symbol, "filter_out", False))
     passing = rule.options.expand1 and not rule.alias and len(kept) == 1
     origin = str(rule.origin.name)
-    return Rule(f"@{origin}", len(rule.expansion), None if passing else str(rule.alias or origin), kept)
+    return GrammarRule(f"@{origin}", len(rule.expansion), None if passing else str(rule.alias or origin), kept)

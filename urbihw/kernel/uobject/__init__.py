@@ -28,7 +28,7 @@ from urbihw.kernel.uobject.effector import Effector, EffectorDevice
 from urbihw.kernel.uobject.errors import BadConfig, DeviceError, Gone, NotReady
 from urbihw.kernel.uobject.host import Host
 from urbihw.kernel.uobject.motion import Motion, Origin
-from urbihw.kernel.uobject.robot import Opened, Robot, RobotSettings, not_ended
+from urbihw.kernel.uobject.robot import Opened, PlatformRobot, RobotSettings, not_ended
 from urbihw.kernel.uobject.threads import (
     LOCK_CLASS,
     LOCK_FUNCTION,
@@ -61,7 +61,7 @@ __all__ = [
     "NotReady",
     "Opened",
     "Origin",
-    "Robot",
+    "PlatformRobot",
     "RobotSettings",
     "UBinary",
     "UEvent",

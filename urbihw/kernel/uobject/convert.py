@@ -23,7 +23,7 @@ from urbihw.kernel.runtime.object import Nil, Obj, Void
 from urbihw.kernel.runtime.values import Dictionary, String, Tuple
 from urbihw.kernel.uobject.binary import UBinary, UImage, USound, make_binary
 from urbihw.kernel.uobject.registry import registry_of
-from urbihw.kernel.uobject.uvalue import Device, from_urbi
+from urbihw.kernel.uobject.uvalue import PythonDevice, from_urbi
 from urbihw.kernel.value import Value
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def _class(world: World, wanted: type) -> Convert:
         return _binary(world, wanted)
     if wanted.__name__ == "UVar":
         return _uvar(world)
-    if issubclass(wanted, Device):
+    if issubclass(wanted, PythonDevice):
         return _device(world, wanted)
     return _by_name(world, wanted.__name__)
 
@@ -102,7 +102,7 @@ def _optional(world: World, inner: tuple[Any, ...]) -> Convert:
         for choice in choices[:-1]:
             try:
                 return choice(value, index)
-            except errors.UrbiError:
+            except errors.ThrownError:
                 continue
         return choices[-1](value, index)
 
@@ -170,7 +170,7 @@ def _device(world: World, wanted: type) -> Convert:
             return python
         if wanted.__name__ == "UObject" and isinstance(face, Obj) and not isinstance(face, String):
             return face
-        raise world.type_error(index, value, wanted.__name__)
+        raise world.type_error(index, value, getattr(wanted, "uname", "") or wanted.__name__)
 
     return convert
 

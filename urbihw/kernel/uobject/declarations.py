@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-class Bound:
+class BoundAttribute:
     """A class attribute that becomes a slot of each instance."""
 
     def __init__(self) -> None:
@@ -30,7 +30,7 @@ class Bound:
         self.slot = self.slot or name
 
 
-class variable(Bound):
+class variable(BoundAttribute):
     """A bound variable (UBindVar) with an initial value; on an instance, the attribute is its UVar."""
 
     owned = False
@@ -63,7 +63,7 @@ class reading(owned):
     writable = False
 
 
-class event(Bound):
+class event(BoundAttribute):
     """A bound event (UBindEvent); on an instance, the attribute is its UEvent."""
 
     def __init__(self, name: str = "") -> None:
@@ -120,11 +120,11 @@ def threaded(lock: Lock = Lock.NONE, name: str = "") -> Callable[[F], F]:
     return bind
 
 
-def bound_attributes(kind: type[UObject]) -> list[Bound]:
+def bound_attributes(kind: type[UObject]) -> list[BoundAttribute]:
     """The declarations of a class and its bases, base classes first."""
-    found: dict[str, Bound] = {}
+    found: dict[str, BoundAttribute] = {}
     for base in reversed(kind.__mro__):
         for name, value in vars(base).items():
-            if isinstance(value, Bound):
+            if isinstance(value, BoundAttribute):
                 found[name] = value
     return list(found.values())

@@ -90,7 +90,7 @@ def _function(
             if registry.stats.enabled:
                 return to_urbi(world, registry.stats.timed(f"{registry.class_name(this)}.{urbi}", work))
             return to_urbi(world, work())
-        except errors.UrbiError:
+        except errors.ThrownError:
             raise
         except ValueError as refusal:
             raise errors.primitive(str(refusal)) from refusal

@@ -35,7 +35,7 @@ class Subscriber(Protocol):
         ...
 
 
-class Guard(Protocol):
+class WriteGuard(Protocol):
     """A check before each write: it accepts the write or raises an urbiscript error with the reason."""
 
     def admit(self, wanted: Any, value: Value) -> None:
@@ -105,7 +105,7 @@ class Hooked(Executable):
         self.bypass = False
         self.rtp: bool | None = None
         self.writable = True
-        self.effector: Guard | None = None
+        self.effector: WriteGuard | None = None
         """The check before each write, if the variable moves an effector; else None."""
         self.remove_throwing = True
         self.mirror: Mirror | None = None
@@ -227,7 +227,7 @@ class Hooked(Executable):
         if self._owner_change:
             try:
                 self._notify_owner(before)
-            except errors.UrbiError:
+            except errors.ThrownError:
                 self._sensed = seen
                 raise
         if self.subscribers:
@@ -268,7 +268,7 @@ class Hooked(Executable):
         if isinstance(error, ValueError):
             self._target = before
             raise errors.primitive(str(error), self.name) from error
-        if isinstance(error, errors.Refused):
+        if isinstance(error, errors.MovementRefused):
             self._target = before
             raise error
         self._failed(callback, error)
@@ -329,7 +329,7 @@ class Hooked(Executable):
         """Report the exception of a callback, and remove the callback unless ``remove_throwing`` is off."""
         if self.remove_throwing:
             self._keep(lambda kept: kept is not callback)
-        reason = "; ".join(self.world.describe(error)) if isinstance(error, errors.UrbiError) else repr(error)
+        reason = "; ".join(self.world.describe(error)) if isinstance(error, errors.ThrownError) else repr(error)
         end = "removed because it failed" if self.remove_throwing else "failed"
         log.error("callback on %s %s: %s", self.name, end, reason)
 

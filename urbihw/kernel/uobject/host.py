@@ -35,7 +35,7 @@ U = TypeVar("U", bound=UObject)
 H = TypeVar("H", bound=UObjectHub)
 
 
-class Programs(Protocol):
+class TextRunner(Protocol):
     """Runs urbiscript text; implemented by ``lobby.shell.Programs``."""
 
     def evaluate(self, text: str, this: Any, file: str | None = None) -> Any:
@@ -93,7 +93,7 @@ class Observer:
 class Host:
     """One kernel as device code sees it."""
 
-    def __init__(self, world: World, programs: Programs) -> None:
+    def __init__(self, world: World, programs: TextRunner) -> None:
         self.world = world
         holder = world.global_.slots["uobjects"]
         assert isinstance(holder, Obj)
@@ -138,7 +138,7 @@ class Host:
         known = self._classes.get(kind)
         if known is not None:
             return known
-        name = kind.uname or kind.__name__
+        name = kind.urbi_class()
         face = UObjectFace(self.world, [self.world.uobject_proto], self, kind)
         face.slots["type"] = self.world.string(name)
         install_functions(self.world, kind, face)
@@ -223,7 +223,7 @@ class Host:
         try:
             found = self.observer.find(path)
             return self.world.as_obj(self.registry.object(path) if found is None else found)
-        except errors.UrbiError:
+        except errors.ThrownError:
             raise ValueError(f"there is no object {path}") from None
 
     def has_slot(self, name: str) -> bool:

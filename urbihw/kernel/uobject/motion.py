@@ -73,7 +73,7 @@ class Origin:
 
 
 @dataclass(slots=True)
-class Movement:
+class GuardedMovement:
     """A movement in progress: the tag of the jobs that control it, what ends it, and the devices that it has moved."""
 
     tag: Any
@@ -114,7 +114,7 @@ class Motion:
         self._mark = 0
         self._ended: dict[Hashable, tuple[int, str]] = {}
         self._moved_by: dict[Hashable, Origin] = {}
-        self._movements: list[Movement] = []
+        self._movements: list[GuardedMovement] = []
         self._warnings: list[tuple[Any, str, float]] = []
         self._told: list[tuple[Any, str]] = []
         self._limits_told: list[tuple[Any, str]] = []
@@ -164,9 +164,11 @@ class Motion:
         if job is None:
             return
         if job.epoch < self._mark:
-            raise errors.Stopped(f"{self._name} was stopped after this statement had begun: {self.reason}")
+            raise errors.MovementStopped(f"{self._name} was stopped after this statement had begun: {self.reason}")
         if job.epoch < getattr(job.context, "released_at", 0):
-            raise errors.Stopped(f"{_client(job.context)} has released its devices after this statement had begun")
+            raise errors.MovementStopped(
+                f"{_client(job.context)} has released its devices after this statement had begun"
+            )
 
     # ---------------------------------------------------------------- writing
 
@@ -188,7 +190,7 @@ class Motion:
             origin = self.origin()
         if not self._lease_lasts(origin):
             gone = f"the connection of {origin.client} is closed on its side"
-            raise errors.Refused(f"{gone}, so it cannot move {self._name}")
+            raise errors.MovementRefused(f"{gone}, so it cannot move {self._name}")
         if self._movements:
             self._give_way(device)
         self._moved_by[device] = origin
@@ -254,7 +256,7 @@ class Motion:
         if kernel_tag is None:
             raise ValueError("a movement needs the tag of its jobs")
         self.end_movement(tag)
-        self._movements.append(Movement(kernel_tag, lambda: self._world.invoke(end, end, (), "end")))
+        self._movements.append(GuardedMovement(kernel_tag, lambda: self._world.invoke(end, end, (), "end")))
 
     def end_movement(self, tag: Any) -> None:
         """The movement of a tag is over; nothing happens if there is none."""
@@ -286,13 +288,13 @@ class Motion:
         """Raise the error for a device that may not move now: emergency stop, overheating, lost device."""
         if self.latched:
             why = f"{self._name} is held by an emergency stop ({self.latched}): release it first"
-            raise errors.Refused(why)
+            raise errors.MovementRefused(why)
         if device in self.held:
-            raise errors.Refused(f"{device} is held by {self.held[device]}")
+            raise errors.MovementRefused(f"{device} is held by {self.held[device]}")
         job = self._world.scheduler.current
         mark, reason = self._ended.get(device, (0, ""))
         if job is not None and job.epoch < mark:
-            raise errors.Stopped(f"the movement of {device} is over: {reason}")
+            raise errors.MovementStopped(f"the movement of {device} is over: {reason}")
 
     def is_live(self, origin: Origin, device: Hashable = None) -> bool:
         """Whether a request with this origin may still move the robot, or the given device of it."""

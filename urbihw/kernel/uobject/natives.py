@@ -13,7 +13,7 @@ from urbihw.kernel.runtime.slot import meta_of
 from urbihw.kernel.runtime.values import String
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.uobject.errors import DeviceError
-from urbihw.kernel.uobject.host import Host, Programs
+from urbihw.kernel.uobject.host import Host, TextRunner
 from urbihw.kernel.uobject.registry import Registry, registry_of
 from urbihw.kernel.uobject.uobject import UObjectFace
 from urbihw.kernel.uobject.uvar import UVar, check_hookable, hook
@@ -69,16 +69,16 @@ def copy(world: World, this: UVar, holder: Value, name: str) -> Value:
 @UVAR.primitive("notifyChange")
 def notify_change(world: World, this: UVar, handle: Value, code: Value = None) -> None:
     """Register a function that is called at each write of the variable."""
-    this.notify_change(_Handler(world, this, handle if code is None else code, "notifyChange"))
+    this.notify_change(_NativeCallback(world, this, handle if code is None else code, "notifyChange"))
 
 
 @UVAR.primitive("notifyAccess")
 def notify_access(world: World, this: UVar, handle: Value, code: Value = None) -> None:
     """Register a function that is called at each read of the variable."""
-    this.notify_access(_Handler(world, this, handle if code is None else code, "notifyAccess"))
+    this.notify_access(_NativeCallback(world, this, handle if code is None else code, "notifyAccess"))
 
 
-class _Handler:
+class _NativeCallback:
     """A callback that runs with the lobby of the connection that registered it, whichever job writes the variable."""
 
     def __init__(self, world: World, var: UVar, function: Value, name: str) -> None:
@@ -102,7 +102,7 @@ class _Handler:
 def unnotify(world: World, this: UVar) -> None:
     """Remove the callbacks that this connection registered."""
     context = world.scheduler.running().context
-    this.unnotify_where(lambda handler: isinstance(handler, _Handler) and handler.context is context)
+    this.unnotify_where(lambda handler: isinstance(handler, _NativeCallback) and handler.context is context)
 
 
 @UVAR.primitive("owned")
@@ -240,7 +240,7 @@ class HookChanged:
         return value
 
 
-def install(world: World, programs: Programs) -> Host:
+def install(world: World, programs: TextRunner) -> Host:
     """Install UObject, UVar, ``uobjects`` and ``uobjects_handle`` in Global; returns the host of the world's
     devices.
     """

@@ -12,7 +12,7 @@ from typing import Any, Final
 from urbihw.kernel.runtime.code import Code, make_primitive
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.world import World
-from urbihw.kernel.uobject.robot import Robot
+from urbihw.kernel.uobject.robot import PlatformRobot
 from urbihw.kernel.uobject.uobject import UObjectFace
 
 ROBOT: Final = "robot"
@@ -20,7 +20,7 @@ STOP: Final = "stop"
 SLOTS: Final = (STOP, "estop")
 
 
-def protect_robot(device: Robot, slot: str) -> None:
+def protect_robot(device: PlatformRobot, slot: str) -> None:
     """Protect a robot's device (``slot`` of Global), ``robot``, and their ``stop`` functions against removal,
     replacement and hiding.
 
@@ -36,7 +36,7 @@ def protect_robot(device: Robot, slot: str) -> None:
             record.protect(obj, *SLOTS)
 
 
-def _stop_natively_first(world: World, device: Robot, obj: Obj) -> None:
+def _stop_natively_first(world: World, device: PlatformRobot, obj: Obj) -> None:
     holder: Any = obj.find(STOP)
     if holder is None:
         return

@@ -115,7 +115,8 @@ class Registry:
 
     def class_name(self, face: Any) -> str:
         """The class of a device, for messages."""
-        return type(face.python).__name__ if getattr(face, "python", None) is not None else "UObject"
+        python = getattr(face, "python", None)
+        return "UObject" if python is None else python.urbi_class()
 
     # ---------------------------------------------------------------- running device code
 
@@ -126,7 +127,7 @@ class Registry:
                 self.stats.timed(what, action)
             else:
                 action()
-        except errors.UrbiError as error:
+        except errors.ThrownError as error:
             log.error("%s failed: %s", what, "; ".join(self.world.describe(error)))
         except Exception as error:
             log.error("%s failed: %s: %s", what, type(error).__name__, error)

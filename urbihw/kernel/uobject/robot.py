@@ -52,7 +52,7 @@ class RobotSettings:
 Opened = Callable[[DeviceError | None], None]
 
 
-class Robot(UObject):
+class PlatformRobot(UObject):
     """Base of the robots."""
 
     classes: ClassVar[tuple[type[UObject], ...]] = ()

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 from weakref import WeakSet
 
 
-class Measured(Protocol):
+class SelfMeasuring(Protocol):
     """Something that measures itself only while statistics are enabled, so that it costs nothing at other times."""
 
     def set_measuring(self, on: bool) -> None:
@@ -26,7 +26,7 @@ class Stats:
     def __init__(self) -> None:
         self._enabled = False
         self._entries: dict[str, list[float]] = {}
-        self._watched: WeakSet[Measured] = WeakSet()
+        self._watched: WeakSet[SelfMeasuring] = WeakSet()
 
     @property
     def enabled(self) -> bool:
@@ -39,7 +39,7 @@ class Stats:
         for one in self._watched:
             one.set_measuring(on)
 
-    def add_measured(self, one: Measured) -> None:
+    def add_measured(self, one: SelfMeasuring) -> None:
         """Notify ``one`` whenever the measurement is switched on or off."""
         self._watched.add(one)
         if self._enabled:

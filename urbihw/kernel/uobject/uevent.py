@@ -48,18 +48,18 @@ class UEvent:
 
         self._world.call_soon(emit)
 
-    def listen(self, begun: Handler | None, ended: Handler | None = None) -> Listener:
+    def listen(self, begun: Handler | None, ended: Handler | None = None) -> UEventListener:
         """Call ``begun(*payload)`` when an emission begins, and ``ended(*payload)`` when it ends."""
-        listener = Listener(self._world, begun, ended)
+        listener = UEventListener(self._world, begun, ended)
         self.face.subscribe(listener)
         return listener
 
-    def remove_listener(self, listener: Listener) -> None:
+    def remove_listener(self, listener: UEventListener) -> None:
         """Remove a listener; a second call has no effect."""
         self.face.subscriptions.pop(listener, None)
 
 
-class Listener:
+class UEventListener:
     """Device code that is called at emissions; it must return at once."""
 
     def __init__(self, world: World, begun: Handler | None, ended: Handler | None) -> None:

@@ -22,8 +22,8 @@ from urbihw.kernel.uobject.declarations import bound_attributes, event, variable
 from urbihw.kernel.uobject.functions import bound_functions, class_function, instance_function
 from urbihw.kernel.uobject.threads import Lock
 from urbihw.kernel.uobject.timers import Timers
-from urbihw.kernel.uobject.uevent import Handler, Listener, UEvent
-from urbihw.kernel.uobject.uvalue import Device, to_urbi
+from urbihw.kernel.uobject.uevent import Handler, UEvent, UEventListener
+from urbihw.kernel.uobject.uvalue import PythonDevice, to_urbi
 from urbihw.kernel.uobject.uvar import UVar
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class UObjectFace(Obj):
         return made
 
 
-class UObject(Device):
+class UObject(PythonDevice):
     """Base class of all devices.  Derive from it, add declarations, and write ``init``; do not override
     ``__init__``.
     """
@@ -72,14 +72,19 @@ class UObject(Device):
     """Slot -> what it means, and its unit ("1" for a number without unit, "" for what is no number): for ``help`` and
     ``->unit``.  Those of base classes count too."""
 
+    @classmethod
+    def urbi_class(cls) -> str:
+        """The name of the urbiscript class."""
+        return cls.uname or cls.__name__
+
     def __init__(self, host: Host, face: UObjectFace) -> None:
         self.host = host
         self.face: UObjectFace = face
         self.variables: dict[str, UVar] = {}
         self.events: dict[str, UEvent] = {}
-        self._timers = Timers(host, type(self).__name__, isinstance(self, UObjectHub))
+        self._timers = Timers(host, self.urbi_class(), isinstance(self, UObjectHub))
         self._hooks: list[tuple[UVar, Callback]] = []
-        self._listeners: list[tuple[UEvent, Listener]] = []
+        self._listeners: list[tuple[UEvent, UEventListener]] = []
         self._hubs: list[UObjectHub] = []
         for declared in bound_attributes(type(self)):
             if isinstance(declared, variable):
@@ -164,7 +169,7 @@ class UObject(Device):
 
     def send(self, text: str) -> None:
         """Run urbiscript at the server, in a job of its own; an error in it is logged."""
-        self.host.send(text, type(self).__name__)
+        self.host.send(text, self.urbi_class())
 
     def call(self, target: str, function: str, *args: Any) -> None:
         """Call ``target.function(args)`` at the server, in a job of its own; an error in it is logged."""

@@ -39,7 +39,7 @@ NIL: Final = _Nil()
 """The urbiscript nil, for a slot whose value the device can never know; None is void."""
 
 
-class Device:
+class PythonDevice:
     """The Python object behind an urbiscript object; the base of UObject."""
 
     __slots__ = ()
@@ -56,7 +56,7 @@ def to_urbi(world: World, value: Any, keep: bool = False) -> Any:
     if isinstance(value, UBinary):
         content = value.data if keep or isinstance(value.data, bytes) else bytes(value.data)
         return BinaryObject(world, [world.classes["Binary"]], value.keywords, content)
-    if isinstance(value, Device):
+    if isinstance(value, PythonDevice):
         return value.face
     if isinstance(value, list):
         return world.new_list([to_urbi(world, member) for member in value])

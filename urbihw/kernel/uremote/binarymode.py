@@ -14,11 +14,11 @@ from urbihw.kernel.uobject.uvar import UVar
 from urbihw.kernel.uremote.frames import (
     MAX_FRAME_SIZE,
     VALUES_PER_STEP,
-    BadFrame,
-    Decoder,
-    Emit,
+    BadBinaryFrame,
+    BinaryDecoder,
+    EmitRequest,
     Frame,
-    Program,
+    ProgramText,
     Result,
     SlotName,
     Update,
@@ -26,7 +26,7 @@ from urbihw.kernel.uremote.frames import (
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
-    from urbihw.kernel.uremote.connection import Connection
+    from urbihw.kernel.uremote.connection import RemoteConnection
 
 log = logging.getLogger("urbihw.uobject")
 
@@ -37,10 +37,10 @@ MAX_WAITING_SIZE = 2 * MAX_FRAME_SIZE
 class _Intake:
     """The received, unhandled bytes; they are decoded only in the job that handles them."""
 
-    def __init__(self, connection: Connection) -> None:
+    def __init__(self, connection: RemoteConnection) -> None:
         self._connection = connection
         self._scheduler = connection.world.scheduler
-        self._decoder = Decoder()
+        self._decoder = BinaryDecoder()
         self._more = WaitQueue(self._scheduler)
         self._skipped = False
 
@@ -62,7 +62,7 @@ class _Intake:
         while True:
             try:
                 frame = self._decoder.next()
-            except BadFrame as error:
+            except BadBinaryFrame as error:
                 self._give_up(f"not understood: {error}")
                 frame = None
             if self._decoder.skipped and not self._skipped:
@@ -77,7 +77,7 @@ class _Intake:
                 self._scheduler.yield_()
 
 
-def binary_mode(world: World, connection: Connection, on: bool, tag: str) -> None:
+def binary_mode(world: World, connection: RemoteConnection, on: bool, tag: str) -> None:
     """``binaryMode(on, tag)``: from now on the running job, the lobby's own, handles frames and nothing else.
 
     Stopping one of its tags, or interrupting the job, ends only the handling of the present frame: there is no other
@@ -109,18 +109,18 @@ def binary_mode(world: World, connection: Connection, on: bool, tag: str) -> Non
             scheduler.yield_()
 
 
-def _handle(world: World, connection: Connection, frame: Frame) -> None:
+def _handle(world: World, connection: RemoteConnection, frame: Frame) -> None:
     if isinstance(frame, Update):
         connection.update(_var(world, connection, frame.name), value_of(world, connection, frame.value), frame.stamp)
     elif isinstance(frame, Result):
         connection.answer(frame.ticket, value_of(world, connection, frame.value))
-    elif isinstance(frame, Emit):
+    elif isinstance(frame, EmitRequest):
         _event(connection, frame.name).emit([value_of(world, connection, value) for value in frame.payload])
-    elif isinstance(frame, Program):
+    elif isinstance(frame, ProgramText):
         connection.lobby.execute(frame.text)
 
 
-def value_of(world: World, connection: Connection, value: Any) -> Any:
+def value_of(world: World, connection: RemoteConnection, value: Any) -> Any:
     """The urbiscript value of a frame's value.  Raises ``lookup failed`` for an object that does not exist.
 
     A large value is converted in slices, between which other jobs get turns.
@@ -148,7 +148,7 @@ def value_of(world: World, connection: Connection, value: Any) -> Any:
     return one(value)
 
 
-def _var(world: World, connection: Connection, name: str) -> UVar:
+def _var(world: World, connection: RemoteConnection, name: str) -> UVar:
     path, _, slot = name.rpartition(".")
     if not path:
         raise errors.lookup_failed(name)
@@ -161,7 +161,7 @@ def _var(world: World, connection: Connection, name: str) -> UVar:
     return found
 
 
-def _event(connection: Connection, name: str) -> Event:
+def _event(connection: RemoteConnection, name: str) -> Event:
     path, _, slot = name.rpartition(".")
     world = connection.world
     try:

@@ -24,7 +24,7 @@ from urbihw.kernel.uobject.host import Host
 from urbihw.kernel.uobject.uobject import UObject
 from urbihw.kernel.uremote import announce
 from urbihw.kernel.uremote.mirror import DeviceMirror
-from urbihw.kernel.uremote.remote import Code, Message, ProtocolError, Reader, quoted
+from urbihw.kernel.uremote.remote import MessageCode, ProtocolError, ServerLine, ServerReader, quoted
 from urbihw.kernel.uremote.wire_values import from_wire, to_wire
 
 log = logging.getLogger("urbihw.remote")
@@ -59,7 +59,7 @@ class Bridge(DeviceMirror):
         """Called when a server is connected: ask for its version, and whether it has our classes from another
         process.
         """
-        self._reader = Reader()
+        self._reader = ServerReader()
         self._reader.valued |= {HELLO, BINARY}
         self._out.reset()
         for word, argument in (("rejoin", quoted(self._secret)), ("exactNumbers", "true")):
@@ -115,7 +115,7 @@ class Bridge(DeviceMirror):
         for line in self._reader.feed(data):
             self._receive_message(line)
 
-    def _receive_message(self, line: Message) -> None:
+    def _receive_message(self, line: ServerLine) -> None:
         if line.channel == HELLO:
             self._offset = line.stamp / 1000 - self._host.now()
             self._greeted(line.value)
@@ -161,7 +161,7 @@ class Bridge(DeviceMirror):
 
     # ---------------------------------------------------------------- what the server wants
 
-    def _execute_message(self, line: Message) -> None:
+    def _execute_message(self, line: ServerLine) -> None:
         message = line.value
         if not isinstance(message, list) or not message or not isinstance(message[0], float):
             log.warning("message of the server left out: %.200s", line.text or message)
@@ -171,25 +171,25 @@ class Bridge(DeviceMirror):
             return
         try:
             self._execute_command(message[0], message[1:], line.stamp)
-        except (ValueError, TypeError, IndexError, KeyError, errors.UrbiError) as error:
+        except (ValueError, TypeError, IndexError, KeyError, errors.ThrownError) as error:
             log.warning("message %r of the server left out: %s", message[:3], error)
 
     def _execute_command(self, code: float, rest: list[Any], stamp: int) -> None:
-        if code == Code.CHANGED and len(rest) == 3:
+        if code == MessageCode.CHANGED and len(rest) == 3:
             self._changed(str(rest[0]), rest[1], float(rest[2]) - self._offset)
-        elif code == Code.CALL and len(rest) >= 2:
+        elif code == MessageCode.CALL and len(rest) >= 2:
             name, ticket, *args = rest
             self._world.scheduler.spawn(lambda: self._call(str(name), str(ticket), args), str(name))
-        elif code in (Code.EVENT, Code.EVENT_END) and rest:
+        elif code in (MessageCode.EVENT, MessageCode.EVENT_END) and rest:
             payload = [from_wire(self._world, self._devices, value) for value in rest[1:]]
-            self._world.call_soon(lambda: self._emission(str(rest[0]), payload, code == Code.EVENT))
-        elif code == Code.NEW and len(rest) == 2:
+            self._world.call_soon(lambda: self._emission(str(rest[0]), payload, code == MessageCode.EVENT))
+        elif code == MessageCode.NEW and len(rest) == 2:
             self._new(str(rest[0]), str(rest[1]))
-        elif code == Code.DELETE and len(rest) == 1:
+        elif code == MessageCode.DELETE and len(rest) == 1:
             self._delete(str(rest[0]))
-        elif code == Code.RTP and len(rest) == 2:
+        elif code == MessageCode.RTP and len(rest) == 2:
             self._rtp(str(rest[0]), bool(rest[1]))
-        elif code not in (Code.NO_RTP, Code.LOCAL):
+        elif code not in (MessageCode.NO_RTP, MessageCode.LOCAL):
             log.warning("message with code %g of the server left out", code)
 
     def _call(self, name: str, ticket: str, args: list[Any]) -> None:
@@ -215,10 +215,10 @@ class Bridge(DeviceMirror):
 
     def _error_text(self, error: Exception) -> str:
         """The message of an error, without its location."""
-        raised = self._world.normalized(error) if isinstance(error, errors.UrbiError) else error
+        raised = self._world.normalized(error) if isinstance(error, errors.ThrownError) else error
         if isinstance(raised, errors.Raised):
             return raised.message
-        return self._world.describe(raised)[0] if isinstance(raised, errors.UrbiError) else str(error)
+        return self._world.describe(raised)[0] if isinstance(raised, errors.ThrownError) else str(error)
 
     def _new(self, name: str, kind: str) -> None:
         face = self._faces.get(kind)

@@ -21,7 +21,7 @@ from urbihw.kernel.uobject.uvalue import from_urbi, to_urbi
 from urbihw.kernel.uobject.uvar import UVar
 from urbihw.kernel.uremote.external_text import message
 from urbihw.kernel.uremote.frames import SlotName, Update
-from urbihw.kernel.uremote.remote import CHANNEL, Code
+from urbihw.kernel.uremote.remote import CHANNEL, MessageCode
 from urbihw.kernel.uremote.rtplink import RtpLink
 from urbihw.kernel.uremote.subscriptions import EventSubscription, RemoteSettings, VariableSubscription
 
@@ -40,7 +40,7 @@ MAX_CALLS = 1_000
 """Maximum number of calls, and of requested instances, that wait for one remote."""
 
 
-class Connection:
+class RemoteConnection:
     """The remote that uses a lobby.  ``token`` identifies the remote across its connections, if it has one."""
 
     def __init__(self, registry: Registry, lobby: Any) -> None:
@@ -92,11 +92,11 @@ class Connection:
 
     # ---------------------------------------------------------------- saying
 
-    def send(self, code: Code, *values: Any) -> None:
+    def send(self, code: MessageCode, *values: Any) -> None:
         """Send one message."""
         if self.open:
             now, members = self.world.scheduler.now, [float(code), *values]
-            direct = code == Code.CALL and not self.exact
+            direct = code == MessageCode.CALL and not self.exact
             self.lobby.output.write(message(self.world, now, CHANNEL, self.exact, members, direct))
 
     def send_on_channel(self, channel: str, value: Any) -> None:
@@ -115,7 +115,7 @@ class Connection:
         ticket = f"_{next(self._tickets)}"
         answer: Completion[Any] = Completion(world.scheduler)
         self._pending[ticket] = answer
-        self.send(Code.CALL, world.string(f"{path}__{len(args)}"), world.string(ticket), *args)
+        self.send(MessageCode.CALL, world.string(f"{path}__{len(args)}"), world.string(ticket), *args)
         try:
             value = answer.wait()
         finally:
@@ -145,7 +145,7 @@ class Connection:
         name = self.registry.fresh_name()
         announced: Completion[None] = Completion(world.scheduler)
         self._newborn[name] = announced
-        self.send(Code.NEW, world.string(name), world.string(kind))
+        self.send(MessageCode.NEW, world.string(name), world.string(kind))
         announced.wait()
         made: Obj | None = self.objects.get(name)
         if made is None:
@@ -167,7 +167,7 @@ class Connection:
 
     def destroy(self, name: str) -> None:
         """Destroy an object: notify the remote, and remove the object."""
-        self.send(Code.DELETE, self.world.string(name))
+        self.send(MessageCode.DELETE, self.world.string(name))
         self.retire(name)
 
     def retire(self, name: str) -> None:
@@ -236,7 +236,7 @@ class Connection:
         if watch is None:
             return
         if self._rtp is None or not self._by_rtp(watch.name, var, value):
-            self.send(Code.CHANGED, self.world.string(watch.name), value, var.stamp)
+            self.send(MessageCode.CHANGED, self.world.string(watch.name), value, var.stamp)
 
     def update(self, var: UVar, value: Any, stamp: float) -> None:
         """Store a value that the remote reports, without sending it back; or a write to another's variable, which is
@@ -280,7 +280,7 @@ class Connection:
         """Tell the remote once not to use RTP."""
         if not self.rtp_declined:
             self.rtp_declined = True
-            self.send(Code.NO_RTP)
+            self.send(MessageCode.NO_RTP)
 
     def _by_rtp(self, name: str, var: UVar, value: Any) -> bool:
         wanted = isinstance(value, BinaryObject) if var.rtp is None else var.rtp
@@ -342,7 +342,7 @@ class RemoteFunction(Executable):
 
     __slots__ = ("_holder", "_path", "connection", "least", "most")
 
-    def __init__(self, world: World, connection: Connection, holder: Obj, path: str, arity: int) -> None:
+    def __init__(self, world: World, connection: RemoteConnection, holder: Obj, path: str, arity: int) -> None:
         super().__init__(world, [world.primitive_proto])
         self.connection = connection
         self._holder = holder
@@ -369,7 +369,7 @@ class RemoteClone(Executable):
 
     __slots__ = ("_connection", "_face", "_kind")
 
-    def __init__(self, world: World, connection: Connection, kind: str, face: Obj) -> None:
+    def __init__(self, world: World, connection: RemoteConnection, kind: str, face: Obj) -> None:
         super().__init__(world, [world.primitive_proto])
         self._connection = connection
         self._kind = kind
@@ -382,7 +382,7 @@ class RemoteClone(Executable):
         return self._connection.make(self._kind, self._face)
 
 
-def connection_of(world: World) -> Connection:
+def connection_of(world: World) -> RemoteConnection:
     """The remote that uses the running job's lobby; made on demand."""
     registry = registry_of(world)
     found = world.scheduler.running().context
@@ -392,6 +392,6 @@ def connection_of(world: World) -> Connection:
         raise errors.primitive("this connection is closed on its side")
     known = registry.connections.get(found)
     if known is None:
-        known = registry.connections[found] = Connection(registry, found)
-    assert isinstance(known, Connection)
+        known = registry.connections[found] = RemoteConnection(registry, found)
+    assert isinstance(known, RemoteConnection)
     return known

@@ -26,7 +26,7 @@ from urbihw.kernel.uobject.registry import Registry, registry_of
 from urbihw.kernel.uobject.uvar import UVar, hook
 from urbihw.kernel.uremote import rtp_control
 from urbihw.kernel.uremote.binarymode import binary_mode
-from urbihw.kernel.uremote.connection import Connection, RemoteClone, RemoteFunction, connection_of
+from urbihw.kernel.uremote.connection import RemoteClone, RemoteConnection, RemoteFunction, connection_of
 from urbihw.kernel.uremote.subscriptions import RemoteSettings
 
 UOBJECT = Table("UObject")
@@ -105,7 +105,7 @@ def _object(world: World, name: str) -> None:
         connection.decline_rtp()
 
 
-def _owner_of(world: World, connection: Connection, name: str, known: Obj | None) -> str:
+def _owner_of(world: World, connection: RemoteConnection, name: str, known: Obj | None) -> str:
     """The owner of a name, in words; "" if this connection may use it.  ``known`` is its present value for this
     connection.
     """
@@ -214,7 +214,7 @@ def sync_get(world: World, this: Any, text: str, tag: str) -> None:
         value = connection.lobby.programs.evaluate(text, connection.lobby)
         if value is world.void:
             raise errors.Raised("UnexpectedVoid", "unexpected void", "syncGet")
-    except errors.UrbiError as error:
+    except errors.ThrownError as error:
         connection.lobby.output.line(f"!!! {world.describe(error)[0]}", tag)
         return
     connection.send_on_channel(tag, value)

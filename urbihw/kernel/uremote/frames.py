@@ -39,11 +39,11 @@ VALUES_PER_STEP = 1024
 _U16, _U32, _DOUBLE = struct.Struct(">H"), struct.Struct(">I"), struct.Struct("<d")
 
 
-class BadFrame(ValueError):
+class BadBinaryFrame(ValueError):
     """The bytes are no valid frames, so that the rest of the stream cannot be decoded either."""
 
 
-class TooLong(ValueError):
+class StringTooLong(ValueError):
     """A string is too long to be sent in binary mode."""
 
 
@@ -64,7 +64,7 @@ class Update:
 
 
 @dataclass(frozen=True, slots=True)
-class Emit:
+class EmitRequest:
     """A request to emit an event."""
 
     name: str
@@ -80,19 +80,19 @@ class Result:
 
 
 @dataclass(frozen=True, slots=True)
-class Program:
+class ProgramText:
     """An urbiscript program."""
 
     text: str
 
 
-Frame = Update | Emit | Result | Program
+Frame = Update | EmitRequest | Result | ProgramText
 
 
 # ---------------------------------------------------------------- reading
 
 
-class Decoder:
+class BinaryDecoder:
     """Decodes bytes, in pieces of any size, to frames; values are Python values, UBinary and SlotName.
 
     A partial frame is not decoded again when more bytes arrive, and ``next`` decodes a limited number of values at a
@@ -121,7 +121,7 @@ class Decoder:
         return len(self._buffer)
 
     def feed(self, data: bytes) -> Iterator[Frame]:
-        """The frames completed by these bytes.  Raises BadFrame."""
+        """The frames completed by these bytes.  Raises BadBinaryFrame."""
         self.add(data)
         while True:
             frame = self.next()
@@ -135,7 +135,7 @@ class Decoder:
         self._buffer += data
 
     def next(self) -> Frame | None:
-        """The next frame, None if there is none yet (see ``paused``).  Raises BadFrame."""
+        """The next frame, None if there is none yet (see ``paused``).  Raises BadBinaryFrame."""
         self.paused, self._read = False, 0
         return next(self._frames, None)
 
@@ -166,13 +166,13 @@ class Decoder:
         yield from self._need(len(SIZES))
         if self._buffer[: len(SIZES)] != SIZES:
             sizes = self._buffer[: len(SIZES)].hex(" ")
-            raise BadFrame(f"a sender with sizes {sizes} is not understood, only {SIZES.hex(' ')}")
+            raise BadBinaryFrame(f"a sender with sizes {sizes} is not understood, only {SIZES.hex(' ')}")
         del self._buffer[: len(SIZES)]
 
     def _need(self, size: int) -> Iterator[None]:
         """Wait until there are ``size`` undecoded bytes."""
         if self._at + size > self._limit:
-            raise BadFrame(f"a frame of more than {self._limit} bytes")
+            raise BadBinaryFrame(f"a frame of more than {self._limit} bytes")
         while len(self._buffer) < self._at + size:
             yield None
 
@@ -185,10 +185,10 @@ class Decoder:
 
     def _frame(self, code: int) -> Generator[None, None, Frame]:
         if code == PROGRAM:
-            return Program((yield from self._string()))
+            return ProgramText((yield from self._string()))
         name = yield from self._string()
         if code == EMIT:
-            return Emit(name, (yield from self._list(0)))
+            return EmitRequest(name, (yield from self._list(0)))
         value = yield from self._value(0)
         if code == RESULT:
             return Result(name, value)
@@ -218,7 +218,7 @@ class Decoder:
         count = yield from self._u32()
         self._values += count
         if self._values > self._most or deep > MAX_DEPTH:
-            raise BadFrame(f"a {what} of {count} members, {deep} deep, {self._values} values in all")
+            raise BadBinaryFrame(f"a {what} of {count} members, {deep} deep, {self._values} values in all")
         return count
 
     def _list(self, deep: int) -> Generator[None, None, list[Any]]:
@@ -263,21 +263,21 @@ class Decoder:
             return SlotName((yield from self._string()))
         if kind == VOID:
             return None
-        raise BadFrame(f"a value of unknown type {kind}")
+        raise BadBinaryFrame(f"a value of unknown type {kind}")
 
 
 # ---------------------------------------------------------------- writing
 
 
 def encode(frame: Frame) -> list[bytes | memoryview]:
-    """Encode a frame, in parts so that binaries are not copied.  Raises TooLong, and TypeError for a value that cannot
-    be sent."""
+    """Encode a frame, in parts so that binaries are not copied.  Raises StringTooLong, and TypeError for a value that
+    cannot be sent."""
     parts: list[bytes | memoryview] = []
     if isinstance(frame, Update):
         parts.append(b"\x01" + _string(frame.name))
         _value(parts, frame.value)
         parts.append(_U32.pack(frame.stamp & 0xFFFFFFFF) + _U32.pack(frame.stamp >> 32 & 0xFFFFFFFF))
-    elif isinstance(frame, Emit):
+    elif isinstance(frame, EmitRequest):
         parts.append(b"\x02" + _string(frame.name) + _U32.pack(len(frame.payload)))
         for value in frame.payload:
             _value(parts, value)
@@ -301,7 +301,7 @@ def members_of(value: Any) -> int:
 def _string(text: str) -> bytes:
     data = latin(text)
     if len(data) > 0xFFFF:
-        raise TooLong(f"a text of {len(data)} bytes; binary mode carries at most 65535")
+        raise StringTooLong(f"a text of {len(data)} bytes; binary mode carries at most 65535")
     return _U16.pack(len(data)) + data
 
 

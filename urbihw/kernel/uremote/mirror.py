@@ -19,7 +19,7 @@ from urbihw.kernel.uobject.uvar import UVar
 from urbihw.kernel.uremote import announce
 from urbihw.kernel.uremote.frames import Update
 from urbihw.kernel.uremote.outbox import Outbox
-from urbihw.kernel.uremote.remote import Reader, literal, quoted
+from urbihw.kernel.uremote.remote import ServerReader, literal, quoted
 from urbihw.kernel.uremote.rtp import SECRET_SIZE
 from urbihw.kernel.uremote.rtplink import OpenPort, RtpLink
 from urbihw.kernel.uremote.udp import UdpPort, is_same
@@ -35,7 +35,7 @@ class DeviceMirror(Observer):
         self._host = host
         self._world = host.world
         self._out = Outbox(write)
-        self._reader = Reader()
+        self._reader = ServerReader()
         self._faces: dict[str, UObjectFace] = {}
         self._devices: dict[str, UObject] = {}
         self._foreign: dict[str, Obj] = {}
@@ -254,7 +254,7 @@ class DeviceMirror(Observer):
     def _assign(self, var: UVar, value: Any) -> None:
         try:
             var.assign(value)
-        except errors.UrbiError as refusal:
+        except errors.ThrownError as refusal:
             log.warning("%s refused: %s", var.full_name, self._world.describe(refusal)[0])
             if not var.owned:
                 self.sensed(var)

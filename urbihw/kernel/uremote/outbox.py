@@ -8,7 +8,7 @@ import logging
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from urbihw.kernel.uremote.frames import SIZES, Emit, Frame, Program, Result, TooLong, Update, encode
+from urbihw.kernel.uremote.frames import SIZES, EmitRequest, Frame, ProgramText, Result, StringTooLong, Update, encode
 from urbihw.kernel.uremote.remote import literal, quoted
 
 log = logging.getLogger("urbihw.remote")
@@ -88,7 +88,7 @@ class Outbox:
     def emit(self, name: str, payload: list[Any]) -> None:
         """Send an emission."""
         if self._frames:
-            self._frame(Emit(name, payload))
+            self._frame(EmitRequest(name, payload))
         else:
             values = b", ".join(literal(value) for value in payload)
             self._put(name.encode() + b"!(" + values + b")|;\n")
@@ -112,7 +112,7 @@ class Outbox:
                 path, _, slot = name.rpartition(".")
                 head = f'{path}.getSlot("{slot}").update_timed('.encode()
                 self._put(head + literal(made) + f", {stamp})|;\n".encode())
-        except (TooLong, TypeError) as error:
+        except (StringTooLong, TypeError) as error:
             log.error("value of %s not sent: %s", name, error)
 
     def _text(self, text: str) -> None:
@@ -120,8 +120,8 @@ class Outbox:
             self._put(text.encode("latin-1", "replace"))
             return
         try:
-            self._frame(Program(text))
-        except TooLong as error:
+            self._frame(ProgramText(text))
+        except StringTooLong as error:
             log.error("statement not sent: %s: %.60s", error, text)
 
     def _frame(self, frame: Frame) -> None:

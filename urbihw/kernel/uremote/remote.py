@@ -14,14 +14,14 @@ from enum import IntEnum
 from typing import Any
 
 from urbihw.client.lines import BadLine, Binary, Line, Lines
-from urbihw.client.values import BadValue, value_of
+from urbihw.client.values import NotAValue, value_of
 from urbihw.kernel.uobject.binary import UBinary, make_binary
 from urbihw.kernel.uremote.frames import MAX_FRAME_SIZE, SlotName, latin
 
 CHANNEL = "__ExternalMessage__"
 
 
-class Code(IntEnum):
+class MessageCode(IntEnum):
     """The first member of a message of the server."""
 
     CALL = 0
@@ -40,7 +40,7 @@ class ProtocolError(ValueError):
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
+class ServerLine:
     """A line of the server: time stamp (milliseconds of its clock), channel, and text or value.
 
     Lines on ``__ExternalMessage__`` and on channels of requested values have a ``value``, or are not ``valid``.
@@ -53,7 +53,7 @@ class Message:
     valid: bool = True
 
 
-class Reader:
+class ServerReader:
     """Decodes the server's bytes, in pieces of any size, to messages.
 
     ``valued`` are the channels, in addition to ``__ExternalMessage__``, on which values are expected.
@@ -64,7 +64,7 @@ class Reader:
         self._lines = Lines(limit, self._has_values)
         self.valued: set[str] = set()
 
-    def feed(self, data: bytes) -> Iterator[Message]:
+    def feed(self, data: bytes) -> Iterator[ServerLine]:
         """The messages completed by these bytes.  Raises ProtocolError if a line is too long."""
         try:
             lines = self._lines.feed(data)
@@ -77,16 +77,16 @@ class Reader:
     def _has_values(self, channel: str) -> bool:
         return channel == CHANNEL or channel in self.valued
 
-    def _message(self, line: Line, stamp: int) -> Message:
+    def _message(self, line: Line, stamp: int) -> ServerLine:
         channel = line.channel
         if not self._has_values(channel):
-            return Message(stamp, channel, line.text.decode("latin-1"))
+            return ServerLine(stamp, channel, line.text.decode("latin-1"))
         if channel == CHANNEL or not line.is_error:
             try:
-                return Message(stamp, channel, "", value_of(line, _binary, SlotName))
-            except BadValue:
+                return ServerLine(stamp, channel, "", value_of(line, _binary, SlotName))
+            except NotAValue:
                 pass
-        return Message(stamp, channel, line.text.decode("latin-1"), None, False)
+        return ServerLine(stamp, channel, line.text.decode("latin-1"), None, False)
 
 
 def _binary(found: Binary) -> UBinary:

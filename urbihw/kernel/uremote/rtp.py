@@ -21,7 +21,16 @@ import zlib
 from collections.abc import Iterator
 
 from urbihw.kernel.uobject.binary import UBinary
-from urbihw.kernel.uremote.frames import MAX_FRAME_SIZE, SIZES, BadFrame, Decoder, TooLong, Update, encode, members_of
+from urbihw.kernel.uremote.frames import (
+    MAX_FRAME_SIZE,
+    SIZES,
+    BadBinaryFrame,
+    BinaryDecoder,
+    StringTooLong,
+    Update,
+    encode,
+    members_of,
+)
 
 HEADER = struct.Struct(">BBHII")
 PIECE = struct.Struct(">8sIIII")
@@ -51,12 +60,12 @@ class Sender:
         self._messages = 0
 
     def packets(self, update: Update, now: float) -> list[bytes]:
-        """The packets of a value.  Raises TooLong and TypeError like ``encode``."""
+        """The packets of a value.  Raises StringTooLong and TypeError like ``encode``."""
         if members_of(update.value) > MAX_VALUES:
-            raise TooLong(f"a value with more than {MAX_VALUES} members")
+            raise StringTooLong(f"a value with more than {MAX_VALUES} members")
         data = b"".join(encode(update))
         if len(data) > MAX_FRAME_SIZE:
-            raise TooLong(f"a value of {len(data)} bytes")
+            raise StringTooLong(f"a value of {len(data)} bytes")
         stream = stream_of(update)
         self._messages = (self._messages + 1) & 0xFFFFFFFF
         time = int(now * 90000) & 0xFFFFFFFF
@@ -77,7 +86,7 @@ def stream_of(update: Update) -> int:
     return zlib.crc32(update.name.encode("utf-8")) | 2
 
 
-class _Stream:
+class _PartialMessage:
     """The incomplete message of a stream."""
 
     __slots__ = ("message", "missing", "pieces", "size")
@@ -106,7 +115,7 @@ class _Stream:
         return b"".join(parts)
 
 
-class Receiver:
+class RtpReceiver:
     """Joins packets to values.
 
     Attributes:
@@ -117,7 +126,7 @@ class Receiver:
     def __init__(self, secret: bytes, source: int) -> None:
         self._secret = secret
         self._source = source
-        self._streams: dict[int, _Stream] = {}
+        self._streams: dict[int, _PartialMessage] = {}
         self._held = 0
         self.lost = 0
         self.refused = 0
@@ -142,7 +151,7 @@ class Receiver:
             if len(self._streams) >= MAX_STREAMS:
                 self.refused += 1
                 return
-            stream = self._streams[number] = _Stream()
+            stream = self._streams[number] = _PartialMessage()
         if message != stream.message:
             if not _later(message, stream.message):
                 return
@@ -161,7 +170,7 @@ class Receiver:
         elif self._held > MAX_FRAME_SIZE:
             self._drop_others(stream)
 
-    def _drop_others(self, kept: _Stream) -> None:
+    def _drop_others(self, kept: _PartialMessage) -> None:
         """Drop the incomplete messages of all streams but one, because they hold too many bytes."""
         for stream in self._streams.values():
             if stream.pieces and stream is not kept:
@@ -177,8 +186,8 @@ def _later(message: int, than: int) -> bool:
 
 def _decoded(content: bytes) -> Iterator[Update]:
     try:
-        for frame in Decoder(most=MAX_VALUES).feed(SIZES + content):
+        for frame in BinaryDecoder(most=MAX_VALUES).feed(SIZES + content):
             if isinstance(frame, Update):
                 yield frame
-    except BadFrame:
+    except BadBinaryFrame:
         return

@@ -18,7 +18,7 @@ from urbihw.kernel.runtime.world import World
 from urbihw.kernel.uobject.registry import Registry, registry_of
 from urbihw.kernel.uobject.uvar import UVar
 from urbihw.kernel.uremote.connection import connection_of
-from urbihw.kernel.uremote.remote import Code
+from urbihw.kernel.uremote.remote import MessageCode
 from urbihw.kernel.uremote.rtp import SECRET_SIZE
 
 UOBJECT = Table("UObject")
@@ -70,7 +70,9 @@ class RtpSwitch:
             changed, target.rtp = bool(target.rtp) != bool(value), bool(value)
             for connection in list(registry_of(self._world).connections.values()):
                 if changed and not connection.rtp_declined:
-                    connection.send(Code.RTP, self._world.string(target.full_name), self._world.boolean(target.rtp))
+                    connection.send(
+                        MessageCode.RTP, self._world.string(target.full_name), self._world.boolean(target.rtp)
+                    )
         return value
 
 

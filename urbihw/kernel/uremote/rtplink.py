@@ -17,8 +17,8 @@ import threading
 from collections.abc import Callable
 from typing import Protocol
 
-from urbihw.kernel.uremote.frames import TooLong, Update
-from urbihw.kernel.uremote.rtp import LARGE_PIECE_SIZE, SMALL_PIECE_SIZE, Receiver, Sender
+from urbihw.kernel.uremote.frames import StringTooLong, Update
+from urbihw.kernel.uremote.rtp import LARGE_PIECE_SIZE, SMALL_PIECE_SIZE, RtpReceiver, Sender
 from urbihw.kernel.uremote.udp import UdpPort, is_local
 
 log = logging.getLogger("urbihw.uobject")
@@ -29,7 +29,7 @@ PACKET_OVERHEAD = 2048
 """Number of bytes added to the size of each packet in that sum: the kernel has a fixed cost per packet."""
 
 
-class Port(Protocol):
+class PacketPort(Protocol):
     """The transport of packets (see ``udp``)."""
 
     address: str
@@ -49,7 +49,7 @@ class Port(Protocol):
         ...
 
 
-OpenPort = Callable[[str, Callable[[list[bytes]], None], str], Port]
+OpenPort = Callable[[str, Callable[[list[bytes]], None], str], PacketPort]
 """Makes a transport, from the address of the other end, a callback for received packets, and a local address ("":
 chosen by the system).
 """
@@ -77,7 +77,7 @@ class RtpLink:
         self.dropped = 0
         self._secret = secret
         self._sender = Sender(secret, self.source, LARGE_PIECE_SIZE if is_local(peer) else SMALL_PIECE_SIZE)
-        self._receiver: Receiver | None = None
+        self._receiver: RtpReceiver | None = None
         self._post = post
         self._updated = updated
         self._lock = threading.Lock()
@@ -102,7 +102,7 @@ class RtpLink:
 
     def to(self, port: int, source: int) -> None:
         """Set the port and the source number of the other end."""
-        self._receiver = Receiver(self._secret, source)
+        self._receiver = RtpReceiver(self._secret, source)
         self._port.to(port)
 
     def send(self, update: Update, now: float) -> bool:
@@ -111,7 +111,7 @@ class RtpLink:
             return False
         try:
             self._port.send(self._sender.packets(update, now))
-        except (TooLong, TypeError):
+        except (StringTooLong, TypeError):
             return False
         return True
 

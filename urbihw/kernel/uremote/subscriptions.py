@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel.runtime.event import Emission
-from urbihw.kernel.uremote.remote import Code
+from urbihw.kernel.uremote.remote import MessageCode
 from urbihw.kernel.uremote.rtplink import OpenPort
 from urbihw.kernel.uremote.udp import UdpPort
 
 if TYPE_CHECKING:
-    from urbihw.kernel.uremote.connection import Connection
+    from urbihw.kernel.uremote.connection import RemoteConnection
 
 
 class RemoteSettings:
@@ -41,7 +41,7 @@ class EventSubscription:
 
     __slots__ = ("_arity", "_connection", "_name")
 
-    def __init__(self, connection: Connection, name: str, arity: int) -> None:
+    def __init__(self, connection: RemoteConnection, name: str, arity: int) -> None:
         self._connection = connection
         self._name = name
         self._arity = arity
@@ -50,11 +50,11 @@ class EventSubscription:
         """Called when an emission begins."""
         if len(emission.payload) == self._arity:
             emission.matches.append((self, True))
-            self._say(Code.EVENT, emission)
+            self._say(MessageCode.EVENT, emission)
 
     def ended(self, emission: Emission, match: Any) -> None:
         """Called when an emission ends."""
-        self._say(Code.EVENT_END, emission)
+        self._say(MessageCode.EVENT_END, emission)
 
-    def _say(self, code: Code, emission: Emission) -> None:
+    def _say(self, code: MessageCode, emission: Emission) -> None:
         self._connection.send(code, self._connection.world.string(self._name), *emission.payload)

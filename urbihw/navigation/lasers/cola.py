@@ -54,7 +54,7 @@ class Telegram:
     binary: bool
 
 
-class Framer:
+class ColaFramer:
     """Splits a stream into telegrams of both kinds.
 
     Attributes:

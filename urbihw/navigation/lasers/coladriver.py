@@ -12,7 +12,7 @@ from typing import Final
 from urbihw.buses.errors import BadFrame
 from urbihw.buses.link import Link
 from urbihw.navigation.lasers import cola
-from urbihw.navigation.lasers.driver import LaserDriver, LaserInfo, Scan
+from urbihw.navigation.lasers.driver import LaserDriver, LaserInfo, LaserScan
 
 BAUD: Final = 57600
 ANSWER_TIMEOUT_S: Final = 0.5
@@ -27,14 +27,14 @@ class ColaDriver(LaserDriver):
 
     def __init__(self) -> None:
         super().__init__()
-        self._framer = cola.Framer()
+        self._framer = cola.ColaFramer()
         self._binary = False
         self._info = LaserInfo(0.0, 0.0)
 
     def start(self, link: Link) -> LaserInfo:
         """See ``LaserDriver``."""
         self.set_baud(link, BAUD)
-        self._framer = cola.Framer()
+        self._framer = cola.ColaFramer()
         name = self._find_dialect(link)
         scan = self._ask_scan(link) or self._wake(link)
         self._ask(link, "sEN", "LMDscandata 1", "sEA")
@@ -45,7 +45,7 @@ class ColaDriver(LaserDriver):
         """See ``LaserDriver``."""
         link.write(cola.telegram("sEN", "LMDscandata 0", binary=self._binary))
 
-    def take_bytes(self, data: bytes) -> Scan | None:
+    def take_bytes(self, data: bytes) -> LaserScan | None:
         """See ``LaserDriver``."""
         scan = self._last_scan(data)
         if scan is None:
@@ -54,7 +54,7 @@ class ColaDriver(LaserDriver):
         ranges = tuple(raw * scan.unit if raw >= least else math.inf for raw in scan.raw)
         # Somebody may change the sector or the resolution while the laser scans.
         before, self._info = self._info, _info_of(scan, self._info.model)
-        return Scan(ranges, LARGEST * scan.unit, scan.dirty, self._info if self._info != before else None)
+        return LaserScan(ranges, LARGEST * scan.unit, scan.dirty, self._info if self._info != before else None)
 
     def _last_scan(self, data: bytes) -> cola.Distances | None:
         found = None

@@ -10,7 +10,7 @@ from typing import Final
 from urbihw.buses import messages as m
 from urbihw.buses.errors import BadUrl, BadValue
 from urbihw.kernel.uobject import reading
-from urbihw.navigation.base import Worker
+from urbihw.navigation.base import ScannerWorker
 from urbihw.navigation.scanner import RangeScanner
 
 MODELS: Final[dict[str, str]] = {
@@ -48,13 +48,13 @@ class LineLaser(RangeScanner):
     model = reading("")
     serial = reading("")
 
-    def init(self, mount: Mount, start_worker: Callable[..., Worker], offset: float) -> None:  # type: ignore[override]
+    def init(self, mount: Mount, start_worker: Callable[..., ScannerWorker], offset: float) -> None:  # type: ignore[override]
         """``mount`` names the laser; ``offset`` is the kernel's time at time 0 of the workers."""
         super().init(mount.place)
         self.mount = mount
         self._start_worker = start_worker
         self._offset = offset
-        self._worker: Worker | None = None
+        self._worker: ScannerWorker | None = None
         self._session = 0
 
     def connect(self) -> None:

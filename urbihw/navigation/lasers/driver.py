@@ -43,7 +43,7 @@ class LaserInfo:
 
 
 @dataclass(frozen=True, slots=True)
-class Scan:
+class LaserScan:
     """One scan: distances in m from right to left (counterclockwise), inf without an echo.
 
     Attributes:
@@ -84,7 +84,7 @@ class LaserDriver(Driver):
         """Let it end its scans, without waiting for an answer.  Raises LinkGone."""
         raise NotImplementedError
 
-    def take_bytes(self, data: bytes) -> Scan | None:
+    def take_bytes(self, data: bytes) -> LaserScan | None:
         """Process received bytes; return the last scan that is complete now.  Call ``note_telegram`` for each scan.
 
         Damage is counted, never raised.

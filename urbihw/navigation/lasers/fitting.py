@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any, Protocol
 
 from urbihw.kernel.uobject import Host
-from urbihw.navigation.base import Log, Worker
+from urbihw.navigation.base import NavigationLog, ScannerWorker
 from urbihw.navigation.lasers.device import LineLaser, Mount
 from urbihw.navigation.options import NavigationOptions
 
@@ -23,7 +23,7 @@ class Fitted(Protocol):
     """The robot as this module sees it."""
 
     @property
-    def start_worker(self) -> Callable[..., Worker]:
+    def start_worker(self) -> Callable[..., ScannerWorker]:
         """Starts a worker."""
         ...
 
@@ -38,7 +38,7 @@ class Fitted(Protocol):
         ...
 
     @property
-    def log(self) -> Log:
+    def log(self) -> NavigationLog:
         """The log of the robot."""
         ...
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from urbihw.buses.errors import BadFrame
-from urbihw.navigation.lasers.driver import Scan
+from urbihw.navigation.lasers.driver import LaserScan
 
 STX: Final = 2
 FROM_LASER: Final = 0x80
@@ -67,7 +67,7 @@ def variant(angle: int, resolution: int) -> bytes:
 
 
 @dataclass(frozen=True, slots=True)
-class Reply:
+class SickReply:
     """A telegram of the laser: ``kind`` is its command byte, ``status`` its last byte."""
 
     kind: int
@@ -75,7 +75,7 @@ class Reply:
     status: int
 
 
-class Framer:
+class SickFramer:
     """Splits a stream into telegrams.
 
     Attributes:
@@ -86,11 +86,11 @@ class Framer:
         self.damaged = 0
         self._buffer = bytearray()
 
-    def feed(self, data: bytes) -> list[Reply]:
+    def feed(self, data: bytes) -> list[SickReply]:
         """Process received bytes; returns the telegrams that are complete now."""
         buffer = self._buffer
         buffer += data
-        replies: list[Reply] = []
+        replies: list[SickReply] = []
         while (start := buffer.find(STX)) >= 0:
             del buffer[:start]
             if len(buffer) < 4:
@@ -107,7 +107,7 @@ class Framer:
                 self.damaged += 1
                 del buffer[:1]
                 continue
-            replies.append(Reply(buffer[4], bytes(buffer[5 : end - 3]), buffer[end - 3]))
+            replies.append(SickReply(buffer[4], bytes(buffer[5 : end - 3]), buffer[end - 3]))
             del buffer[:end]
         buffer.clear()
         return replies
@@ -117,7 +117,7 @@ class Framer:
         self._buffer.clear()
 
 
-def parse_scan(reply: Reply) -> Scan:
+def parse_scan(reply: SickReply) -> LaserScan:
     """The distances of a telegram of kind SCAN.  Raises BadFrame."""
     if len(reply.data) < 2:
         raise BadFrame("a scan without a count of readings")
@@ -131,4 +131,4 @@ def parse_scan(reply: Reply) -> Scan:
     raw = struct.unpack_from(f"<{count}H", reply.data, 2)
     # Table look-ups and comprehensions for speed: this runs for every reading of every scan.
     ranges = tuple([(value & 0x1FFF) * unit if value & 0x1FFF < NO_DISTANCE else float("inf") for value in raw])
-    return Scan(ranges, (NO_DISTANCE - 1) * unit, bool(reply.status & 0x80))
+    return LaserScan(ranges, (NO_DISTANCE - 1) * unit, bool(reply.status & 0x80))

@@ -13,7 +13,7 @@ from typing import Final
 from urbihw.buses.errors import BadFrame, Unavailable
 from urbihw.buses.link import Link, has_line_speed, set_line_speed
 from urbihw.navigation.lasers import lms200
-from urbihw.navigation.lasers.driver import LaserDriver, LaserInfo, Scan
+from urbihw.navigation.lasers.driver import LaserDriver, LaserInfo, LaserScan
 
 WORKING_BAUD, WAKING_BAUD = 38400, 9600
 FIELD, RESOLUTION = 180, 100
@@ -28,11 +28,11 @@ class SickDriver(LaserDriver):
 
     def __init__(self) -> None:
         super().__init__()
-        self._framer = lms200.Framer()
+        self._framer = lms200.SickFramer()
 
     def start(self, link: Link) -> LaserInfo:
         """See ``LaserDriver``."""
-        self._framer = lms200.Framer()
+        self._framer = lms200.SickFramer()
         self._reach(link)
         reply = self._ask(link, lms200.variant(FIELD, RESOLUTION), lms200.VARIANT_REPLY)
         if len(reply.data) != 5 or not reply.data[0]:
@@ -45,7 +45,7 @@ class SickDriver(LaserDriver):
         """See ``LaserDriver``."""
         link.write(lms200.telegram(lms200.STOP))
 
-    def take_bytes(self, data: bytes) -> Scan | None:
+    def take_bytes(self, data: bytes) -> LaserScan | None:
         """See ``LaserDriver``."""
         scan = None
         for reply in self._framer.feed(data):
@@ -78,14 +78,14 @@ class SickDriver(LaserDriver):
                     return
         raise self.no_answer(link)
 
-    def _ask(self, link: Link, payload: bytes, kind: int) -> lms200.Reply:
+    def _ask(self, link: Link, payload: bytes, kind: int) -> lms200.SickReply:
         reply = self._exchange(link, payload, kind)
         if reply is None or reply.kind == lms200.REFUSED:
             how = "did not answer to" if reply is None else "refused"
             raise self.refuse(link, f"{how} {payload.hex(' ').upper()}")
         return reply
 
-    def _exchange(self, link: Link, payload: bytes, kind: int) -> lms200.Reply | None:
+    def _exchange(self, link: Link, payload: bytes, kind: int) -> lms200.SickReply | None:
         """Send a telegram and wait for its answer; scans that still arrive are skipped.
 
         Without an acknowledgement or a telegram within ACK_TIMEOUT_S the laser does not listen at this speed.

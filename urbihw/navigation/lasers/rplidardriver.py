@@ -12,7 +12,7 @@ from typing import ClassVar, Final
 
 from urbihw.buses.link import Link, set_dtr
 from urbihw.navigation.lasers import rplidar
-from urbihw.navigation.lasers.driver import LaserDriver, LaserInfo, Scan
+from urbihw.navigation.lasers.driver import LaserDriver, LaserInfo, LaserScan
 
 BAUD: Final = 115200
 """Of an A1 and A2; an A3 needs ``?baud=256000``."""
@@ -66,13 +66,13 @@ class RplidarDriver(LaserDriver):
         link.write(rplidar.request(rplidar.SET_MOTOR_PWM, struct.pack("<H", 0)))
         set_dtr(link, on=True)
 
-    def take_bytes(self, data: bytes) -> Scan | None:
+    def take_bytes(self, data: bytes) -> LaserScan | None:
         """See ``LaserDriver``."""
         nodes, turn = self._turns.feed(data)
         self.damaged = self._turns.damaged
         if nodes:
             self.note_telegram()
-        return Scan(tuple(turn), FARTHEST) if turn is not None else None
+        return LaserScan(tuple(turn), FARTHEST) if turn is not None else None
 
     def _ask(self, link: Link, command: int, kind: int) -> rplidar.ResponseReader:
         """Send a request and wait for its response, which the returned reader has."""

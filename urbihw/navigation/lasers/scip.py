@@ -37,7 +37,7 @@ def check_sum(line: bytes) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Message:
+class ScipMessage:
     """A message of the laser: the ``echo`` of the command, the ``status``, and the ``lines`` without their sums."""
 
     echo: str
@@ -45,7 +45,7 @@ class Message:
     lines: tuple[bytes, ...]
 
 
-class Framer:
+class ScipFramer:
     """Splits a stream into messages.
 
     Attributes:
@@ -56,7 +56,7 @@ class Framer:
         self.damaged = 0
         self._buffer = b""
 
-    def feed(self, data: bytes) -> list[Message]:
+    def feed(self, data: bytes) -> list[ScipMessage]:
         """Process received bytes; returns the messages that are complete now."""
         *blocks, self._buffer = (self._buffer + data).split(b"\n\n")
         if len(self._buffer) > LONGEST:
@@ -67,12 +67,12 @@ class Framer:
         return [message for message in found if message is not None]
 
 
-def _message(block: bytes) -> Message | None:
+def _message(block: bytes) -> ScipMessage | None:
     """Take a message apart; None when it is damaged."""
     echo, *lines = block.removeprefix(b"\n").split(b"\n")
     if not lines or not all(map(_is_whole, lines)) or len(lines[0]) != 3 or not lines[0][:2].isalnum():
         return None
-    return Message(echo.decode("latin-1"), lines[0][:2].decode("latin-1"), tuple(line[:-1] for line in lines[1:]))
+    return ScipMessage(echo.decode("latin-1"), lines[0][:2].decode("latin-1"), tuple(line[:-1] for line in lines[1:]))
 
 
 def _is_whole(line: bytes) -> bool:
@@ -81,7 +81,7 @@ def _is_whole(line: bytes) -> bool:
     return bool(text) and final in (b"%c" % check_sum(text), b"%c" % check_sum(text.removesuffix(b";")))
 
 
-def parse_rows(message: Message) -> dict[str, str]:
+def parse_rows(message: ScipMessage) -> dict[str, str]:
     """The rows ``NAME:value;`` of PP and VV."""
     rows = (line.decode("latin-1").rstrip(";").partition(":") for line in message.lines)
     return {name: value for name, _, value in rows}
@@ -104,7 +104,7 @@ class Parameters:
         return min(self.front - self.first, self.last - self.front)
 
 
-def parse_parameters(message: Message) -> Parameters:
+def parse_parameters(message: ScipMessage) -> Parameters:
     """The parameters of PP.  Raises BadFrame for ones that make no sense."""
     rows = parse_rows(message)
     try:
@@ -130,7 +130,7 @@ def scan_command(first: int, last: int) -> str:
     return f"MD{first:04d}{last:04d}01000"
 
 
-def parse_distances(message: Message, count: int) -> list[int]:
+def parse_distances(message: ScipMessage, count: int) -> list[int]:
     """The distances in mm of a message of MD with the status DATA, without its time stamp.  Raises BadFrame."""
     text = b"".join(message.lines[1:])
     if len(text) != _WORD * count:

@@ -12,7 +12,7 @@ from typing import Final
 from urbihw.buses.errors import BadFrame
 from urbihw.buses.link import Link
 from urbihw.navigation.lasers import scip
-from urbihw.navigation.lasers.driver import LaserDriver, LaserInfo, Scan, within
+from urbihw.navigation.lasers.driver import LaserDriver, LaserInfo, LaserScan, within
 
 BAUD: Final = 115200
 """Of no effect on USB; a URG-04LX on its serial line starts with ``?baud=19200``."""
@@ -24,7 +24,7 @@ class ScipDriver(LaserDriver):
 
     def __init__(self) -> None:
         super().__init__()
-        self._framer = scip.Framer()
+        self._framer = scip.ScipFramer()
         self._echo = ""
         self._count = 0
         self._range = (0.0, 0.0)
@@ -32,7 +32,7 @@ class ScipDriver(LaserDriver):
     def start(self, link: Link) -> LaserInfo:
         """See ``LaserDriver``."""
         self.set_baud(link, BAUD)
-        self._framer = scip.Framer()
+        self._framer = scip.ScipFramer()
         if self._exchange(link, "QT") is None:
             # It may be in the mode of SCIP 1.1, whose answers have no sums.
             link.write(scip.command("SCIP2.0"))
@@ -59,7 +59,7 @@ class ScipDriver(LaserDriver):
         """See ``LaserDriver``."""
         link.write(scip.command("QT"))
 
-    def take_bytes(self, data: bytes) -> Scan | None:
+    def take_bytes(self, data: bytes) -> LaserScan | None:
         """See ``LaserDriver``."""
         scan = None
         for message in self._framer.feed(data):
@@ -76,23 +76,23 @@ class ScipDriver(LaserDriver):
                 continue
             self.note_telegram()
             least, most = self._range
-            scan = Scan(tuple(within(value / 1000, least, most) for value in values), most)
+            scan = LaserScan(tuple(within(value / 1000, least, most) for value in values), most)
         self.damaged = self._framer.damaged
         return scan
 
-    def _ask(self, link: Link, text: str, *good: str) -> scip.Message:
+    def _ask(self, link: Link, text: str, *good: str) -> scip.ScipMessage:
         message = self._exchange(link, text)
         if message is None or message.status not in (good or (scip.OK,)):
             how = "did not answer to" if message is None else f"answered {message.status} to"
             raise self.refuse(link, f"{how} {text}")
         return message
 
-    def _exchange(self, link: Link, text: str) -> scip.Message | None:
+    def _exchange(self, link: Link, text: str) -> scip.ScipMessage | None:
         """Send a command and wait for its answer; scans that still arrive are skipped."""
 
-        def take(data: bytes) -> scip.Message | None:
+        def take(data: bytes) -> scip.ScipMessage | None:
             return next((each for each in self._framer.feed(data) if each.echo == text), None)
 
         link.write(scip.command(text))
-        found: scip.Message | None = self.read_until(link, ANSWER_TIMEOUT_S, take)
+        found: scip.ScipMessage | None = self.read_until(link, ANSWER_TIMEOUT_S, take)
         return found

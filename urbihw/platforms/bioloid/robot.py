@@ -7,7 +7,7 @@ from typing import Final
 from urbihw.buses.servos.device import DeviceInfo
 from urbihw.platforms.bioloid.sensors import AXS1
 from urbihw.platforms.servos.anglelimits import AngleLimitServo
-from urbihw.platforms.servos.devices import Device
+from urbihw.platforms.servos.devices import ServoBusDevice
 from urbihw.platforms.servos.modeservo import ModeServo
 from urbihw.platforms.servos.robot import Devices, ServoRobot
 
@@ -20,7 +20,7 @@ class XServo(ModeServo):
     """An X-series servo."""
 
 
-CLASSES: Final[dict[str, type[Device]]] = {
+CLASSES: Final[dict[str, type[ServoBusDevice]]] = {
     "AX-12": AX12,
     "AX-S1": AXS1,
     "XL330": XServo,
@@ -40,6 +40,6 @@ class Bioloid(ServoRobot):
     model_name = "ROBOTIS Bioloid"
     kinds = ("motor", "sensor")
 
-    def class_of(self, info: DeviceInfo) -> type[Device] | None:
+    def class_of(self, info: DeviceInfo) -> type[ServoBusDevice] | None:
         """Return the class of its control table."""
         return CLASSES.get(info.family)

@@ -20,7 +20,7 @@ from urbihw.kernel.uobject import UVar, event, function, number, owned, set_rang
 from urbihw.platforms.bioloid import sensorslots
 from urbihw.platforms.servos.devices import ChangeHandler
 from urbihw.platforms.servos.registers import RegisterDevice
-from urbihw.platforms.servos.slots import MEDIUM, Slot
+from urbihw.platforms.servos.slots import MEDIUM, RegisterSlot
 
 _MELODY = 255
 """As ringing time: play the melody whose number is in the note register."""
@@ -56,7 +56,7 @@ class AXS1(RegisterDevice):
 
     # ---------------------------------------------------------------- claps
 
-    def change_handler(self, row: Slot, var: UVar) -> ChangeHandler:
+    def change_handler(self, row: RegisterSlot, var: UVar) -> ChangeHandler:
         """Return the handler of the claps, whose register counts one burst and is set to 0 after it."""
         if row.name != "clapCount":
             return super().change_handler(row, var)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from urbihw.platforms.servos.slots import COMMON, FAST, RARE, SLOW, Kind, Slot, View, keep
+from urbihw.platforms.servos.slots import COMMON, FAST, RARE, SLOW, Kind, RegisterSlot, View, keep
 
 
 def bit(number: int) -> View:
@@ -23,27 +23,27 @@ LOUDEST: Final = View(
 
 AXS1: Final = (
     *COMMON,
-    Slot("IRLeft", "ir_left", FAST),
-    Slot("IRCenter", "ir_center", FAST),
-    Slot("IRRight", "ir_right", FAST),
-    Slot("lightLeft", "light_left", FAST),
-    Slot("lightCenter", "light_center", FAST),
-    Slot("lightRight", "light_right", FAST),
-    Slot("obstacleLeft", "obstacle_detected", FAST, view=bit(0)),
-    Slot("obstacleCenter", "obstacle_detected", FAST, view=bit(1)),
-    Slot("obstacleRight", "obstacle_detected", FAST, view=bit(2)),
-    Slot("lightDetectedLeft", "light_detected", FAST, view=bit(0)),
-    Slot("lightDetectedCenter", "light_detected", FAST, view=bit(1)),
-    Slot("lightDetectedRight", "light_detected", FAST, view=bit(2)),
-    Slot("soundVolume", "sound", FAST, view=VOLUME),
-    Slot("soundVolumeMax", "sound_max_hold", FAST, Kind.COUNTER, LOUDEST),
-    Slot("clapCount", "sound_count", FAST, Kind.OWN),
-    Slot("soundTime", "sound_time", FAST, Kind.COUNTER),
-    Slot("obstacleThreshold", "obstacle_compare", SLOW, Kind.SETTING),
-    Slot("lightThreshold", "light_compare", SLOW, Kind.SETTING),
-    Slot("obstacleThresholdDefault", "obstacle_threshold", RARE, Kind.KEPT),
-    Slot("lightThresholdDefault", "light_threshold", RARE, Kind.KEPT),
-    Slot("lock", "lock", SLOW, Kind.COUNTER),
+    RegisterSlot("IRLeft", "ir_left", FAST),
+    RegisterSlot("IRCenter", "ir_center", FAST),
+    RegisterSlot("IRRight", "ir_right", FAST),
+    RegisterSlot("lightLeft", "light_left", FAST),
+    RegisterSlot("lightCenter", "light_center", FAST),
+    RegisterSlot("lightRight", "light_right", FAST),
+    RegisterSlot("obstacleLeft", "obstacle_detected", FAST, view=bit(0)),
+    RegisterSlot("obstacleCenter", "obstacle_detected", FAST, view=bit(1)),
+    RegisterSlot("obstacleRight", "obstacle_detected", FAST, view=bit(2)),
+    RegisterSlot("lightDetectedLeft", "light_detected", FAST, view=bit(0)),
+    RegisterSlot("lightDetectedCenter", "light_detected", FAST, view=bit(1)),
+    RegisterSlot("lightDetectedRight", "light_detected", FAST, view=bit(2)),
+    RegisterSlot("soundVolume", "sound", FAST, view=VOLUME),
+    RegisterSlot("soundVolumeMax", "sound_max_hold", FAST, Kind.COUNTER, LOUDEST),
+    RegisterSlot("clapCount", "sound_count", FAST, Kind.OWN),
+    RegisterSlot("soundTime", "sound_time", FAST, Kind.COUNTER),
+    RegisterSlot("obstacleThreshold", "obstacle_compare", SLOW, Kind.SETTING),
+    RegisterSlot("lightThreshold", "light_compare", SLOW, Kind.SETTING),
+    RegisterSlot("obstacleThresholdDefault", "obstacle_threshold", RARE, Kind.KEPT),
+    RegisterSlot("lightThresholdDefault", "light_threshold", RARE, Kind.KEPT),
+    RegisterSlot("lock", "lock", SLOW, Kind.COUNTER),
 )
 
 _SIDES: Final = ("Left", "Center", "Right")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from urbihw.buses.servos.device import DeviceInfo
 from urbihw.platforms.servos.anglelimits import AngleLimitServo
-from urbihw.platforms.servos.devices import Device
+from urbihw.platforms.servos.devices import ServoBusDevice
 from urbihw.platforms.servos.kinds import class_for
 from urbihw.platforms.servos.modeservo import ModeServo
 from urbihw.platforms.servos.otherdevice import OtherDevice
@@ -20,6 +20,6 @@ class Chain(ServoRobot):
     model_name = "servo chain"
     kinds = ("motor", "device")
 
-    def class_of(self, info: DeviceInfo) -> type[Device] | None:
+    def class_of(self, info: DeviceInfo) -> type[ServoBusDevice] | None:
         """Return the class for its control table."""
-        return class_for(Device.table_for(info))
+        return class_for(ServoBusDevice.table_for(info))

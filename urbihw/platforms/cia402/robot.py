@@ -104,7 +104,7 @@ class Cia402(MotionRobot):
         """Return whether the tree is built and all drives have been read once."""
         return self._is_built and bool(self.members) and not any(drive.stale.sensed for drive in self.members.values())
 
-    def on_happened(self, message: m.Happened) -> None:
+    def on_happened(self, message: m.DeviceReport) -> None:
         """Show an emergency message, and log a node that is not commanded."""
         drive = self.members.get(message.device)
         if message.what == "emergency" and drive is not None:

@@ -6,12 +6,12 @@ import contextlib
 from typing import Any, Final
 
 from urbihw.buses.errors import BadFrame, LinkGone, Unavailable
-from urbihw.buses.messages import FromWorker, Happened, Refused, Reply, Request
+from urbihw.buses.messages import DeviceReport, FromWorker, Refused, Reply, Request
 from urbihw.buses.qi.checked import describe_error, to_row, to_text
-from urbihw.buses.qi.session import Call, Subscription
-from urbihw.platforms.nao.exchange import LINK_LOST, Exchange
+from urbihw.buses.qi.session import QiCall, QiSubscription
+from urbihw.platforms.nao.exchange import LINK_LOST, NaoExchange
 from urbihw.platforms.nao.finding import LEDS, MEMORY, SONAR
-from urbihw.platforms.nao.part import Devices, Part
+from urbihw.platforms.nao.part import Devices, NaoPart
 from urbihw.platforms.nao.reading import is_bounded
 
 SERVICES: Final = "services"
@@ -50,15 +50,15 @@ def may_move(service: str, method: str) -> bool:
     return service not in HARMLESS and not method.startswith(ASKING)
 
 
-class CallPart(Part):
+class CallPart(NaoPart):
     """Requests "describe", "call", "listen" and "unlisten"; see ``driver``."""
 
     verbs = frozenset({"describe", "call", "listen", "unlisten"})
 
-    def __init__(self, exchange: Exchange) -> None:
+    def __init__(self, exchange: NaoExchange) -> None:
         super().__init__(exchange)
         self._described: set[str] = set()
-        self._events: dict[str, Subscription | None] = {}
+        self._events: dict[str, QiSubscription | None] = {}
         self._behaviours: dict[str, None] = {}
         self._moved = False
         self._noted: tuple[bool, tuple[str, ...]] = False, ()
@@ -112,7 +112,7 @@ class CallPart(Part):
         begun = self._find_behaviour(message)
         fresh = begun not in self._behaviours
 
-        def answered(call: Call) -> None:
+        def answered(call: QiCall) -> None:
             exchange.news.append(Reply(message.reply_id, not call.error, call.value, call.error))
             ended = fresh if call.error else message.item == RUNNING
             if begun and ended and exchange.linked:
@@ -167,7 +167,7 @@ class CallPart(Part):
 
         def heard(values: tuple[Any, ...]) -> None:
             if values and is_bounded(values[0]):
-                exchange.news.append(Happened("event", key, values[0]))
+                exchange.news.append(DeviceReport("event", key, values[0]))
             else:
                 exchange.news.append(Refused("event", key, "its value is too long, or no value for programs"))
 
@@ -205,7 +205,7 @@ class CallPart(Part):
         if self._ends_at or exchange.busy(ENDING):
             return
 
-        def end_if_moving(answer: Call) -> None:
+        def end_if_moving(answer: QiCall) -> None:
             if joints_move or answer.value:
                 self._ends_behaviours = True
                 self._ends_own, self._ends_at = False, exchange.now() + STAND_TIMEOUT_S
@@ -226,7 +226,7 @@ class CallPart(Part):
         else:
             exchange.call(ENDING, exchange.motion, "moveIsActive", then=self._end_if_standing)
 
-    def _end_if_standing(self, answer: Call) -> None:
+    def _end_if_standing(self, answer: QiCall) -> None:
         if self._ends_at and not answer.value:
             self._kill_all()
 

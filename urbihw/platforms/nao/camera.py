@@ -12,7 +12,7 @@ from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.devicelog import DeviceLog
 from urbihw.platforms.nao import words
 from urbihw.platforms.nao.camera_part import CAMERA, FILM, RETRY_S, VIDEO
-from urbihw.platforms.nao.pictures import FORMATS, JPEG, RESOLUTIONS, YUV, CameraMode, Picture, has_pillow, no_pillow
+from urbihw.platforms.nao.pictures import FORMATS, JPEG, RESOLUTIONS, YUV, CameraMode, NaoPicture, has_pillow, no_pillow
 from urbihw.platforms.streamed import Streamed
 
 LEAST_RATE, MOST_RATE = 0.1, 30.0
@@ -142,7 +142,7 @@ class NaoCamera(Streamed):
         self._log.warning("camera: %s; trying again", reason)
         self._film_at = self.host.now() + RETRY_S
 
-    def show(self, picture: Picture, stamp: float) -> None:
+    def show(self, picture: NaoPicture, stamp: float) -> None:
         """Show a picture that came at a time of the kernel's clock."""
         if not self.on.sensed or not picture.mode.shows_same(self._mode()):
             return

@@ -15,11 +15,11 @@ from typing import Final
 
 from urbihw.buses.errors import BadUrl, BadValue, LinkGone, Unavailable
 from urbihw.buses.link import Port
-from urbihw.buses.messages import FromWorker, Happened, Refused, Reply, Request
+from urbihw.buses.messages import DeviceReport, FromWorker, Refused, Reply, Request
 from urbihw.buses.qi.opening import open_session
-from urbihw.buses.qi.session import Call, Service, Session
-from urbihw.platforms.nao.exchange import Exchange
-from urbihw.platforms.nao.part import Devices, Part
+from urbihw.buses.qi.session import QiCall, QiService, QiSession
+from urbihw.platforms.nao.exchange import NaoExchange
+from urbihw.platforms.nao.part import Devices, NaoPart
 from urbihw.platforms.nao.pictures import CameraMode, read_picture
 
 CAMERA: Final = "camera"
@@ -35,7 +35,7 @@ RETRY_S: Final = 2.0
 """Seconds after a failure until the next try."""
 
 
-class CameraPart(Part):
+class CameraPart(NaoPart):
     """Value "picture" (`Picture`) of ``CAMERA``.
 
     Request "film" with a `CameraMode`: take pictures from now on; with None: no longer.  Event (``Happened``)
@@ -44,16 +44,16 @@ class CameraPart(Part):
 
     verbs = frozenset({FILM})
 
-    def __init__(self, exchange: Exchange) -> None:
+    def __init__(self, exchange: NaoExchange) -> None:
         super().__init__(exchange)
-        self._main: Service | None = None
+        self._main: QiService | None = None
         self._mode: CameraMode | None = None
         self._port: Port | None = None
-        self._session: Session | None = None
-        self._video: Service
+        self._session: QiSession | None = None
+        self._video: QiService
         self._handle = ""
         self._subscribed: tuple[int, int, int, int] | None = None
-        self._call: Call | None = None
+        self._call: QiCall | None = None
         self._due = 0.0
 
     def begin(self) -> None:
@@ -112,7 +112,7 @@ class CameraPart(Part):
         self._release()
         self._close(reason)
         self._mode = None
-        self.exchange.news.append(Happened(CAMERA, LOST, reason))
+        self.exchange.news.append(DeviceReport(CAMERA, LOST, reason))
 
     def stop(self, devices: Devices) -> None:
         """See ``Part``: give the handle back, for this may be the end of the worker; otherwise another one follows."""
@@ -135,7 +135,7 @@ class CameraPart(Part):
         except LinkGone as error:
             self._lose(str(error))
 
-    def _proceed(self, session: Session) -> None:
+    def _proceed(self, session: QiSession) -> None:
         """Send the next call, if it is time.  Raises LinkGone."""
         mode, now = self._mode, self.exchange.now()
         if mode is None:
@@ -156,7 +156,7 @@ class CameraPart(Part):
             self._subscribed = mode.subscription()
             self._call = session.call(self._video, "subscribeCamera", NAME, *self._subscribed, then=self._take_handle)
 
-    def _take_handle(self, call: Call) -> None:
+    def _take_handle(self, call: QiCall) -> None:
         if call.error:
             self._fail("subscribeCamera", call.error)
         elif not isinstance(call.value, str) or not call.value:
@@ -166,7 +166,7 @@ class CameraPart(Part):
             self._handle = call.value
             self._due = self.exchange.now()
 
-    def _show(self, mode: CameraMode, handle: str, call: Call) -> None:
+    def _show(self, mode: CameraMode, handle: str, call: QiCall) -> None:
         if handle != self._handle:
             return
         if call.error:

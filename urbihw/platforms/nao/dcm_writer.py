@@ -18,10 +18,10 @@ from typing import Final
 
 from urbihw.buses.errors import Unavailable
 from urbihw.buses.qi.checked import show_text, to_whole
-from urbihw.buses.qi.session import Call, Service
+from urbihw.buses.qi.session import QiCall, QiService
 from urbihw.platforms.nao.dcm_clock import DcmClock
 from urbihw.platforms.nao.dcm_course import JointCourse
-from urbihw.platforms.nao.exchange import Exchange
+from urbihw.platforms.nao.exchange import NaoExchange
 from urbihw.platforms.nao.joint_writer import ANGLES, STIFFNESS, JointWriter
 from urbihw.platforms.nao.motor_trace import MotorTrace
 from urbihw.platforms.nao.orders import JointOrders
@@ -42,7 +42,7 @@ NEAR: Final = 0.1
 class Aliases:
     """Names for sets of joints, which the robot learns when they are needed.  One per session."""
 
-    def __init__(self, exchange: Exchange, dcm: Service) -> None:
+    def __init__(self, exchange: NaoExchange, dcm: QiService) -> None:
         self._exchange, self._dcm = exchange, dcm
         self._names: OrderedDict[tuple[str, ...], str] = OrderedDict()
 
@@ -68,7 +68,7 @@ class Aliases:
         full = len(self._names) >= MOST_ALIASES
         name = self._names.popitem(last=False)[1] if full else f"{ALIAS}{len(self._names)}"
 
-        def known(_: Call) -> None:
+        def known(_: QiCall) -> None:
             self._names[joints] = name
 
         command = [name, [_key(joint) for joint in joints]]
@@ -78,10 +78,10 @@ class Aliases:
 class DcmWriter(JointWriter):
     """See the head of this file."""
 
-    _dcm: Service
+    _dcm: QiService
     _aliases: Aliases
 
-    def __init__(self, exchange: Exchange, orders: JointOrders, trace: MotorTrace) -> None:
+    def __init__(self, exchange: NaoExchange, orders: JointOrders, trace: MotorTrace) -> None:
         super().__init__(exchange, orders, trace)
         self.shift = 0.0
         """Seconds between the writing of a target and the time at which it is due."""

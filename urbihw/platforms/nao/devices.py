@@ -8,7 +8,7 @@ from typing import Final
 
 from urbihw.kernel.uobject import NIL, UObject, UVar, number, owned, reading, set_range
 from urbihw.platforms.channel import DeviceChannel
-from urbihw.platforms.measured import Measured
+from urbihw.platforms.measured import MeasuredDevice
 from urbihw.platforms.nao import words
 from urbihw.platforms.nao.light_part import LED
 
@@ -70,7 +70,7 @@ class NaoLed(UObject):
             var.sense((colour >> shift & 0xFF) / 255)
 
 
-class NaoSensor(Measured):
+class NaoSensor(MeasuredDevice):
     """A sensor of one value."""
 
     slot_words = words.SENSOR
@@ -99,7 +99,7 @@ class NaoBumper(NaoSensor):
             self.val.sense(max(both), stamp)
 
 
-class NaoBattery(Measured):
+class NaoBattery(MeasuredDevice):
     """The battery: ``remain`` is a share of 1, ``current`` in A, negative while it drains.
 
     NAOqi measures neither its voltage nor its capacity (V, A h): both are nil.
@@ -123,7 +123,7 @@ class NaoBattery(Measured):
                 var.sense(values[item], stamp)
 
 
-class NaoFsr(Measured):
+class NaoFsr(MeasuredDevice):
     """What the feet feel: ``left``, ``right`` and ``val`` (both) are 1 on the ground; weights in kg."""
 
     slot_words = words.FSR

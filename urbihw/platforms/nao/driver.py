@@ -43,15 +43,15 @@ from urbihw.buses.readings import Quantity
 from urbihw.platforms.nao.call_limits import CallLimits
 from urbihw.platforms.nao.call_part import CallPart, may_move
 from urbihw.platforms.nao.camera_part import FILM, CameraPart
-from urbihw.platforms.nao.exchange import LINK_LOST, Exchange
+from urbihw.platforms.nao.exchange import LINK_LOST, NaoExchange
 from urbihw.platforms.nao.finding import MEMORY, MOTION, NaoInfo, find
 from urbihw.platforms.nao.joint_part import JointPart
 from urbihw.platforms.nao.light_part import LightPart
 from urbihw.platforms.nao.micro_part import MicroPart
 from urbihw.platforms.nao.module_part import ModulePart
-from urbihw.platforms.nao.options import Options
+from urbihw.platforms.nao.options import NaoOptions
 from urbihw.platforms.nao.orders import JointOrders
-from urbihw.platforms.nao.part import Part
+from urbihw.platforms.nao.part import NaoPart
 from urbihw.platforms.nao.sense_part import SensePart
 from urbihw.platforms.nao.sound_part import SoundPart
 from urbihw.platforms.nao.walk_part import WALK, WalkPart
@@ -83,14 +83,14 @@ class NaoDriver(Driver):
 
     def __init__(self) -> None:
         self._rest_on_stop = False
-        self._exchange = exchange = Exchange()
+        self._exchange = exchange = NaoExchange()
         self._orders = orders = JointOrders()
         self._senses = SensePart(exchange, orders)
         self._call_limits = CallLimits(orders)
         self._hosting = Hosting()
         self._calls, self._joints = CallPart(exchange), JointPart(exchange, orders)
         # In a stop the walk ends first: its legs are no joints under way then.
-        parts: tuple[Part, ...] = (
+        parts: tuple[NaoPart, ...] = (
             WalkPart(exchange), self._calls, WholeBodyPart(exchange), self._joints,
             LightPart(exchange), self._senses,
             ModulePart(exchange, self._hosting), SoundPart(exchange),
@@ -104,7 +104,7 @@ class NaoDriver(Driver):
 
     def configure(self, settings: Configure) -> None:
         """Take settings.  Raises BadSetting for an option."""
-        options = self._exchange.options = Options.of(settings.options)
+        options = self._exchange.options = NaoOptions.of(settings.options)
         self._hosting.settings = options.end_point()
         self._rest_on_stop = settings.torque_off_on_stop
 

@@ -9,9 +9,9 @@ from typing import Any, Final
 from urbihw.buses.errors import BadFrame, BadValue, LinkGone, Unavailable
 from urbihw.buses.link import Port
 from urbihw.buses.messages import FromWorker, Refused
-from urbihw.buses.qi.session import Call, Service, Session
+from urbihw.buses.qi.session import QiCall, QiService, QiSession
 from urbihw.platforms.nao.finding import NaoInfo
-from urbihw.platforms.nao.options import Options
+from urbihw.platforms.nao.options import NaoOptions
 
 CYCLE_TIMEOUT_S: Final = 1.0
 """Seconds in which NAOqi must answer in the cycle; then the link is given up."""
@@ -19,7 +19,7 @@ LINK_LOST: Final = "the link went down"
 """The error of calls that were under way when the link was lost."""
 
 
-class Exchange:
+class NaoExchange:
     """One per driver.
 
     Attributes:
@@ -33,21 +33,21 @@ class Exchange:
     """
 
     def __init__(self) -> None:
-        self.options = Options()
+        self.options = NaoOptions()
         self.info = NaoInfo("", (), (), ())
         self.news: list[FromWorker] = []
         self.values: dict[Any, dict[str, Any]] = {}
         self.now: Callable[[], float] = time.monotonic
         self.port: Port
         self.written: float | None = None
-        self._session: Session | None = None
-        self._motion: Service
-        self._memory: Service
-        self._open: dict[str, Call] = {}
+        self._session: QiSession | None = None
+        self._motion: QiService
+        self._memory: QiService
+        self._open: dict[str, QiCall] = {}
 
     # ---------------------------------------------------------------- the link
 
-    def begin(self, session: Session, motion: Service, memory: Service) -> None:
+    def begin(self, session: QiSession, motion: QiService, memory: QiService) -> None:
         """Use this session from now on."""
         self._session, self._motion, self._memory = session, motion, memory
         self._open.clear()
@@ -64,19 +64,19 @@ class Exchange:
         return self._session is not None
 
     @property
-    def session(self) -> Session:
+    def session(self) -> QiSession:
         """The session.  Raises LinkGone when there is none."""
         if self._session is None:
             raise LinkGone("the link is down")
         return self._session
 
     @property
-    def motion(self) -> Service:
+    def motion(self) -> QiService:
         """ALMotion."""
         return self._motion
 
     @property
-    def memory(self) -> Service:
+    def memory(self) -> QiService:
         """ALMemory."""
         return self._memory
 
@@ -95,10 +95,10 @@ class Exchange:
     def call(
         self,
         kind: str,
-        service: Service,
+        service: QiService,
         method: str,
         *arguments: Any,
-        then: Callable[[Call], None] | None = None,
+        then: Callable[[QiCall], None] | None = None,
     ) -> None:
         """Call a method; ``then`` gets its answer, and raises BadFrame for one of another form.
 
@@ -106,7 +106,7 @@ class Exchange:
         """
         session = self.session
 
-        def answered(call: Call) -> None:
+        def answered(call: QiCall) -> None:
             if not call.error:
                 try:
                     if then is not None:
@@ -121,7 +121,7 @@ class Exchange:
         except BadValue as error:
             self.news.append(Refused(kind, method, str(error)))
 
-    def post(self, service: Service, method: str, *arguments: Any) -> None:
+    def post(self, service: QiService, method: str, *arguments: Any) -> None:
         """Call a method and want no answer; that a robot has no such method is told.  Raises LinkGone."""
         try:
             self.session.post(service, method, *arguments)
@@ -132,14 +132,14 @@ class Exchange:
         """The same of ALMotion.  Raises LinkGone."""
         self.post(self._motion, method, *arguments)
 
-    def ask(self, service: Service, method: str, *arguments: Any, timeout: float | None = None) -> Any:
+    def ask(self, service: QiService, method: str, *arguments: Any, timeout: float | None = None) -> Any:
         """Call a method and wait for its value.  Raises Unavailable, BadValue, LinkGone."""
         session = self.session
         if timeout is None:
             return session.wait(session.call(service, method, *arguments))
         return session.wait(session.call(service, method, *arguments, timeout=timeout))
 
-    def find_service(self, name: str) -> Service | None:
+    def find_service(self, name: str) -> QiService | None:
         """A service that a robot may or may not have.  Raises LinkGone."""
         if name not in self.info.services:
             return None

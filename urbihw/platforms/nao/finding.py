@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from urbihw.buses.errors import BadFrame
 from urbihw.buses.qi.checked import is_name, show_text, to_number, to_row
-from urbihw.buses.qi.session import Service, Session
+from urbihw.buses.qi.session import QiService, QiSession
 from urbihw.platforms.nao import reading
 from urbihw.platforms.nao.orders import JointInfo
 
@@ -38,7 +38,7 @@ class NaoInfo:
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class NaoFinding:
     """What was found: the robot, the keys of each cycle, all keys that it has, and their first values."""
 
     info: NaoInfo
@@ -47,10 +47,10 @@ class Finding:
     values: list[Any]
 
 
-def find(session: Session, motion: Service, memory: Service) -> Finding:
+def find(session: QiSession, motion: QiService, memory: QiService) -> NaoFinding:
     """Ask for everything, and switch the sonars on.  Raises Unavailable, BadValue, LinkGone."""
 
-    def ask(service: Service, name: str, *arguments: Any) -> Any:
+    def ask(service: QiService, name: str, *arguments: Any) -> Any:
         return session.wait(session.call(service, name, *arguments))
 
     names = [_joint_name(name) for name in to_row(ask(motion, "getBodyNames", "Body"), 1)]
@@ -73,7 +73,7 @@ def find(session: Session, motion: Service, memory: Service) -> Finding:
     keys = fast | reading.slow_keys(names)
     values = list(to_row(ask(memory, "getListData", list(keys))))
     known = reading.known_keys(keys, values)
-    return Finding(info, fast, known, [value for name, value in zip(keys, values, strict=True) if name in known])
+    return NaoFinding(info, fast, known, [value for name, value in zip(keys, values, strict=True) if name in known])
 
 
 def _joint_name(value: Any) -> str:

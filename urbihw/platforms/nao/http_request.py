@@ -20,7 +20,7 @@ _HEADER: Final = re.compile(rb"([!#$%&'*+.^_`|~0-9A-Za-z-]+):[ \t]*([\t -~\x80-\
 _STRAY_NEWLINE: Final = re.compile(rb"(?<!\r)\n|\r[^\n]")
 
 
-class Refusal(Exception):
+class HttpRefusal(Exception):
     """The request is answered with this status and this line."""
 
     def __init__(self, status: HTTPStatus, text: str) -> None:
@@ -58,35 +58,35 @@ class HeadReader:
             self.complete = True
 
     def parse(self) -> tuple[str, Mapping[str, str]]:
-        """The target of a GET, and its headers with names in lower case.  Raises Refusal."""
+        """The target of a GET, and its headers with names in lower case.  Raises HttpRefusal."""
         if len(self._data) > LARGEST:
-            raise Refusal(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, f"a request has {LARGEST} bytes at most")
+            raise HttpRefusal(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, f"a request has {LARGEST} bytes at most")
         if _STRAY_NEWLINE.search(self._data) or not self._data.endswith(BLANK_LINE):
-            raise Refusal(HTTPStatus.BAD_REQUEST, "lines end with CR LF")
+            raise HttpRefusal(HTTPStatus.BAD_REQUEST, "lines end with CR LF")
         first, *rows = bytes(self._data[: -len(BLANK_LINE)]).split(b"\r\n")
         line = _REQUEST_LINE.fullmatch(first)
         if line is None:
-            raise Refusal(HTTPStatus.BAD_REQUEST, "this is no request of HTTP 1")
+            raise HttpRefusal(HTTPStatus.BAD_REQUEST, "this is no request of HTTP 1")
         if line[1] != b"GET":
-            raise Refusal(HTTPStatus.METHOD_NOT_ALLOWED, f"{line[1].decode()} is not answered, only GET")
+            raise HttpRefusal(HTTPStatus.METHOD_NOT_ALLOWED, f"{line[1].decode()} is not answered, only GET")
         return line[2].decode(), _parse_headers(rows)
 
 
 def _parse_headers(rows: list[bytes]) -> dict[str, str]:
-    """Raises Refusal."""
+    """Raises HttpRefusal."""
     if len(rows) > MOST_HEADERS:
-        raise Refusal(HTTPStatus.BAD_REQUEST, f"a request has {MOST_HEADERS} headers at most")
+        raise HttpRefusal(HTTPStatus.BAD_REQUEST, f"a request has {MOST_HEADERS} headers at most")
     headers: dict[str, str] = {}
     for row in rows:
         found = _HEADER.fullmatch(row)
         if found is None:
-            raise Refusal(HTTPStatus.BAD_REQUEST, "a header is written Name: value, on one line")
+            raise HttpRefusal(HTTPStatus.BAD_REQUEST, "a header is written Name: value, on one line")
         name = found[1].decode().lower()
         if name in headers:
-            raise Refusal(HTTPStatus.BAD_REQUEST, f"{name[:40]} stands there twice")
+            raise HttpRefusal(HTTPStatus.BAD_REQUEST, f"{name[:40]} stands there twice")
         headers[name] = found[2].decode("latin-1").strip()
     if "host" not in headers:
-        raise Refusal(HTTPStatus.BAD_REQUEST, "one Host is needed")
+        raise HttpRefusal(HTTPStatus.BAD_REQUEST, "one Host is needed")
     if "transfer-encoding" in headers or headers.get("content-length", "0") != "0":
-        raise Refusal(HTTPStatus.BAD_REQUEST, "a GET has no body here")
+        raise HttpRefusal(HTTPStatus.BAD_REQUEST, "a GET has no body here")
     return headers

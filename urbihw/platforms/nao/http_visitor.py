@@ -32,7 +32,7 @@ from urbihw.buses.listening import Visitor
 from urbihw.buses.qi.login import Login
 from urbihw.buses.qi.login_guard import LoginGuard
 from urbihw.buses.qi.serving import shorten_error
-from urbihw.platforms.nao.http_request import HeadReader, Refusal
+from urbihw.platforms.nao.http_request import HeadReader, HttpRefusal
 from urbihw.platforms.nao.literals import parse_call
 
 REQUEST_TIMEOUT_S: Final = 5.0
@@ -113,7 +113,7 @@ class HttpVisitor(Visitor):
         self._begun, self.deadline = True, None
         try:
             self._begin()
-        except Refusal as refusal:
+        except HttpRefusal as refusal:
             self._answer(refusal.status, str(refusal))
         except ValueError:
             self._answer(HTTPStatus.BAD_REQUEST, "the address cannot be read")
@@ -128,36 +128,36 @@ class HttpVisitor(Visitor):
         self._check_origin(headers)
         self._check_credentials(headers)
         if not target.startswith("/"):
-            raise Refusal(HTTPStatus.BAD_REQUEST, "the address begins with /")
+            raise HttpRefusal(HTTPStatus.BAD_REQUEST, "the address begins with /")
         path, _, query = target.partition("?")
         texts = parse_qs(query, max_num_fields=8, errors="strict").get("eval", [])
         if path != "/" or len(texts) != 1:
-            raise Refusal(HTTPStatus.NOT_FOUND, "write /?eval=Module.method(arguments)")
+            raise HttpRefusal(HTTPStatus.NOT_FOUND, "write /?eval=Module.method(arguments)")
         try:
             module, method, arguments = parse_call(texts[0])
         except ValueError as error:
-            raise Refusal(HTTPStatus.BAD_REQUEST, str(error)) from error
+            raise HttpRefusal(HTTPStatus.BAD_REQUEST, str(error)) from error
         if not self._ask(self, module, method, arguments, self._end):
             why = f"{module}.{method} is not there, or was not declared with bindUrbiMethod"
-            raise Refusal(HTTPStatus.NOT_FOUND, why)
+            raise HttpRefusal(HTTPStatus.NOT_FOUND, why)
 
     # ---------------------------------------------------------------- who asks
 
     def _check_origin(self, headers: Mapping[str, str]) -> None:
         if headers["host"].lower() not in self._hosts:
-            raise Refusal(HTTPStatus.FORBIDDEN, "Host is no name of this server: options.module_http_host")
+            raise HttpRefusal(HTTPStatus.FORBIDDEN, "Host is no name of this server: options.module_http_host")
         if any(self._is_foreign(headers[name]) for name in ("origin", "referer") if name in headers):
-            raise Refusal(HTTPStatus.FORBIDDEN, "this call comes from a page of another site")
+            raise HttpRefusal(HTTPStatus.FORBIDDEN, "this call comes from a page of another site")
         if not headers.keys().isdisjoint(IN_ADVANCE):
-            raise Refusal(HTTPStatus.FORBIDDEN, "a call is not made in advance")
+            raise HttpRefusal(HTTPStatus.FORBIDDEN, "a call is not made in advance")
         if not _comes_from_browser(headers):
             return
         site = headers.get("sec-fetch-site")
         if site is None:
             why = "this browser does not tell where the call comes from: use http://localhost, or curl"
-            raise Refusal(HTTPStatus.FORBIDDEN, why)
+            raise HttpRefusal(HTTPStatus.FORBIDDEN, why)
         if site not in TRUSTED_SITES:
-            raise Refusal(HTTPStatus.FORBIDDEN, "this call comes from a page of another site")
+            raise HttpRefusal(HTTPStatus.FORBIDDEN, "this call comes from a page of another site")
 
     def _is_foreign(self, origin: str) -> bool:
         parts = urlsplit(origin)
@@ -167,11 +167,11 @@ class HttpVisitor(Visitor):
         try:
             known = ":".join(self._login.words().values())
         except Unavailable as error:
-            raise Refusal(HTTPStatus.UNAUTHORIZED, "the password of the robot is not known") from error
+            raise HttpRefusal(HTTPStatus.UNAUTHORIZED, "the password of the robot is not known") from error
         if not known:
             return
         if refusal := self._guard.find_refusal(self._address):
-            raise Refusal(HTTPStatus.TOO_MANY_REQUESTS, refusal)
+            raise HttpRefusal(HTTPStatus.TOO_MANY_REQUESTS, refusal)
         kind, _, coded = headers.get("authorization", "").partition(" ")
         try:
             given = base64.b64decode(coded, validate=True) if kind.lower() == "basic" else b""
@@ -182,7 +182,7 @@ class HttpVisitor(Visitor):
         if "authorization" in headers:
             # A browser asks without a password first.
             self._guard.count_wrong(self._address)
-        raise Refusal(HTTPStatus.UNAUTHORIZED, "user and password of the robot are needed")
+        raise HttpRefusal(HTTPStatus.UNAUTHORIZED, "user and password of the robot are needed")
 
     # ---------------------------------------------------------------- the answer
 

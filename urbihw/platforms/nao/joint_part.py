@@ -8,14 +8,14 @@ from typing import Any, Final
 from urbihw.buses.errors import BadValue, Unavailable
 from urbihw.buses.messages import FromWorker, Refused, Reply, Request
 from urbihw.buses.qi.checked import to_number, to_row
-from urbihw.buses.qi.session import Call
+from urbihw.buses.qi.session import QiCall
 from urbihw.platforms.nao.dcm_writer import DcmWriter
-from urbihw.platforms.nao.exchange import Exchange
+from urbihw.platforms.nao.exchange import NaoExchange
 from urbihw.platforms.nao.joint_writer import STIFFNESS, AngleWriter, JointWriter
 from urbihw.platforms.nao.motor_trace import MotorTrace
-from urbihw.platforms.nao.options import SHIFTS_S, Options
+from urbihw.platforms.nao.options import SHIFTS_S, NaoOptions
 from urbihw.platforms.nao.orders import REACHED, SLACK, JointOrders
-from urbihw.platforms.nao.part import Devices, Part
+from urbihw.platforms.nao.part import Devices, NaoPart
 
 MOTORS: Final = "motors"
 """Stands for the way in which all joints are written."""
@@ -23,21 +23,21 @@ WHERE_TIMEOUT_S: Final = 0.1
 """Seconds that a stop waits to hear where the joints are now."""
 
 
-class JointPart(Part):
+class JointPart(NaoPart):
     """Targets "angle" (rad) and "stiffness" (0 to 1) of all joints; "write" of ``MOTORS``: "dcm" (bool), "shift" (s),
     "trace" (the path of a file, "" to end it).
     """
 
     verbs = frozenset({"write"})
 
-    def __init__(self, exchange: Exchange, orders: JointOrders) -> None:
+    def __init__(self, exchange: NaoExchange, orders: JointOrders) -> None:
         super().__init__(exchange)
         self.orders = orders
         self.trace = MotorTrace()
         self._angles = AngleWriter(exchange, orders, self.trace)
         self._dcm = DcmWriter(exchange, orders, self.trace)
         self._writer: JointWriter = self._angles
-        self._options: Options | None = None
+        self._options: NaoOptions | None = None
         self._looked: dict[str, float] = {}
         self._wants_dcm = False
         self._names: frozenset[str] = frozenset()
@@ -97,7 +97,7 @@ class JointPart(Part):
         exchange = self.exchange
         stiffnesses, goals = self.orders.pop_stiffnesses()
 
-        def stiffen(_: Call | None = None) -> None:
+        def stiffen(_: QiCall | None = None) -> None:
             names, values = list(stiffnesses), list(stiffnesses.values())
             exchange.call(STIFFNESS, exchange.motion, "setStiffnesses", names, values)
 

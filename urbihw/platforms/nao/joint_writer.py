@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from urbihw.platforms.nao.exchange import Exchange
+from urbihw.platforms.nao.exchange import NaoExchange
 from urbihw.platforms.nao.motor_trace import MotorTrace
 from urbihw.platforms.nao.orders import JointOrders
 
@@ -27,7 +27,7 @@ class JointWriter:
         trace: what is sent is written there, if that is switched on.
     """
 
-    def __init__(self, exchange: Exchange, orders: JointOrders, trace: MotorTrace) -> None:
+    def __init__(self, exchange: NaoExchange, orders: JointOrders, trace: MotorTrace) -> None:
         self.exchange, self.orders, self.trace = exchange, orders, trace
 
     def begin(self) -> None:

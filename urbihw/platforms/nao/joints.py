@@ -11,7 +11,7 @@ from urbihw.kernel.uobject import EffectorDevice, Motion, finite_numbers, functi
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.hooks import LimitNamer, LimitTable
 from urbihw.platforms.limits import DeviceLimits
-from urbihw.platforms.measured import Measured
+from urbihw.platforms.measured import MeasuredDevice
 from urbihw.platforms.nao import words
 from urbihw.platforms.nao.call_part import SERVICES
 from urbihw.platforms.nao.finding import MOTION
@@ -28,7 +28,7 @@ Explain = Callable[[], str]
 """Tells why the robot cannot walk or balance now, "" if it may."""
 
 
-class NaoJoint(EffectorDevice, Measured):
+class NaoJoint(EffectorDevice, MeasuredDevice):
     """A joint: ``val`` is its angle in rad, ``load`` its stiffness, 0 (slack) to 1.  A slack joint does not move.
 
     A joint that gets stiff stays where it is.
@@ -165,7 +165,7 @@ class NaoHand(NaoJoint):
         self._channel.call(MOTION, method, [str(self.naoqiName.sensed)], done, origin)
 
 
-class NaoWalk(EffectorDevice, Measured):
+class NaoWalk(EffectorDevice, MeasuredDevice):
     """Walking: speeds ahead and to the left (m/s), and turning to the left (rad/s); where it has come.
 
     ``moveConfig`` has the parameters of its steps, such as [["MaxStepX", 0.02]]; those that are not named are NAOqi's.

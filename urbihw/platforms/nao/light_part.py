@@ -5,19 +5,19 @@ from __future__ import annotations
 from typing import Any, Final
 
 from urbihw.buses.messages import Refused
-from urbihw.platforms.nao.exchange import Exchange
+from urbihw.platforms.nao.exchange import NaoExchange
 from urbihw.platforms.nao.finding import LEDS
-from urbihw.platforms.nao.part import Part
+from urbihw.platforms.nao.part import NaoPart
 
 LED: Final = "led"
 LIGHTS_PER_TICK: Final = 8
 """Calls that go out in one tick at most: the lights must not delay the joints.  The others follow in the next ticks."""
 
 
-class LightPart(Part):
+class LightPart(NaoPart):
     """Targets "rgb" (0xRRGGBB) and "level" (0 to 1) of ("led", NAME)."""
 
-    def __init__(self, exchange: Exchange) -> None:
+    def __init__(self, exchange: NaoExchange) -> None:
         super().__init__(exchange)
         self._waiting: dict[str, tuple[str, float]] = {}
 

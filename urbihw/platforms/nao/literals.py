@@ -24,14 +24,14 @@ def parse_call(text: str) -> tuple[str, str, list[Any]]:
     head = _CALL.match(text)
     if head is None:
         raise ValueError("write Module.method(arguments)")
-    reader = _Reader(text, head.end())
+    reader = _LiteralReader(text, head.end())
     arguments = reader.read_values(")", 0)
     if text[reader.at :].strip(" ;\t\r\n"):
         raise ValueError(f"something follows the call: {text[reader.at :][:20]!r}")
     return head[1], head[2], arguments
 
 
-class _Reader:
+class _LiteralReader:
     """Reads literals; ``at`` is where the next one begins."""
 
     def __init__(self, text: str, at: int) -> None:

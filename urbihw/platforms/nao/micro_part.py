@@ -12,8 +12,8 @@ from typing import Any, Final
 from urbihw.buses.messages import Refused
 from urbihw.buses.qi.hosting import Hosting
 from urbihw.buses.qi.serving import IncomingCall, ServedMethod
-from urbihw.platforms.nao.exchange import Exchange
-from urbihw.platforms.nao.part import Part
+from urbihw.platforms.nao.exchange import NaoExchange
+from urbihw.platforms.nao.part import NaoPart
 from urbihw.platforms.nao.sound_part import AUDIO
 
 MICRO: Final = "micro"
@@ -26,10 +26,10 @@ MOST_BYTES: Final = 2 * HEAR_RATE
 """Of one value: a second.  What comes on top of it is dropped."""
 
 
-class MicroPart(Part):
+class MicroPart(NaoPart):
     """Value "val" of MICRO: samples of 16 bits, HEAR_RATE a second, those since the last one."""
 
-    def __init__(self, exchange: Exchange, hosting: Hosting) -> None:
+    def __init__(self, exchange: NaoExchange, hosting: Hosting) -> None:
         super().__init__(exchange)
         self._hosting = hosting
         self._wanted = False

@@ -16,15 +16,15 @@ from functools import partial
 from typing import Any, Final
 
 from urbihw.buses.errors import BadValue, Unavailable
-from urbihw.buses.listening import Listener
-from urbihw.buses.messages import FromWorker, Happened, Refused, Reply, Request
+from urbihw.buses.listening import BusListener
+from urbihw.buses.messages import DeviceReport, FromWorker, Refused, Reply, Request
 from urbihw.buses.qi.call_limits import TokenBucket
 from urbihw.buses.qi.hosting import Hosting
 from urbihw.buses.qi.serving import IncomingCall, ServedMethod
-from urbihw.platforms.nao.exchange import Exchange
+from urbihw.platforms.nao.exchange import NaoExchange
 from urbihw.platforms.nao.http_visitor import HttpVisitor, find_allowed_hosts
 from urbihw.platforms.nao.module_help import standard_methods
-from urbihw.platforms.nao.part import Part
+from urbihw.platforms.nao.part import NaoPart
 
 MODULE: Final = "module"
 CALL, CANCEL = "call", "cancel"
@@ -46,19 +46,19 @@ class BoundMethod:
     result: tuple[str, str] = ("", "")
 
 
-class ModulePart(Part):
+class ModulePart(NaoPart):
     """See the head of this file."""
 
     verbs = frozenset({"serve", "withdraw", "answer"})
 
-    def __init__(self, exchange: Exchange, hosting: Hosting) -> None:
+    def __init__(self, exchange: NaoExchange, hosting: Hosting) -> None:
         super().__init__(exchange)
         self._hosting = hosting
         self._modules: dict[str, dict[str, ServedMethod]] = {}
         self._calls: dict[int, IncomingCall] = {}
         self._count = 0
         self._rate: TokenBucket
-        self._http: Listener | None = None
+        self._http: BusListener | None = None
         self._http_retry_at = 0.0
 
     # ---------------------------------------------------------------- the link
@@ -137,10 +137,10 @@ class ModulePart(Part):
 
         def cancelled() -> None:
             self._calls.pop(number, None)
-            self.exchange.news.append(Happened(MODULE, CANCEL, number))
+            self.exchange.news.append(DeviceReport(MODULE, CANCEL, number))
 
         call.cancelled = cancelled
-        self.exchange.news.append(Happened(MODULE, CALL, (number, module, method, list(call.arguments))))
+        self.exchange.news.append(DeviceReport(MODULE, CALL, (number, module, method, list(call.arguments))))
 
     def _answer(self, number: int, good: bool, value: Any) -> None:
         call = self._calls.pop(number, None)
@@ -175,7 +175,7 @@ class ModulePart(Part):
             return HttpVisitor(now, address, hosts, ask, server.drop_caller, guard, options.login())
 
         try:
-            self._http = Listener(host, port, welcome)
+            self._http = BusListener(host, port, welcome)
         except Unavailable as error:
             self._http_retry_at = now + HTTP_RETRY_S
             self.exchange.news.append(Refused("options", "module_http_port", str(error)))

@@ -97,7 +97,7 @@ class NaoModules(UObject):
 
             self._channel.send_request("serve", name, answered, value=(*told, True))
 
-    def handle(self, message: m.Happened) -> None:
+    def handle(self, message: m.DeviceReport) -> None:
         """A call has come, or nobody waits for one any more."""
         if message.what != CALL:
             self._cancel(message.value)

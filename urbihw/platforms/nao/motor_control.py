@@ -12,7 +12,7 @@ from urbihw.kernel.uobject import RobotSettings, UObject, event, finite_number, 
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.nao import words
 from urbihw.platforms.nao.joint_part import MOTORS
-from urbihw.platforms.nao.options import Options
+from urbihw.platforms.nao.options import NaoOptions
 
 SLOT: Final = "ALMotor"
 """The name of the only instance in Global."""
@@ -38,14 +38,14 @@ class NaoMotorControl(UObject):
         self._count = 0
         self._chosen: dict[str, Any] = {}
         self._control = settings.control
-        self._options = options = Options.of(settings.options)
+        self._options = options = NaoOptions.of(settings.options)
         self._trace_file = _trace_file(options, self._control)
         self.dcmWrite.sense(options.dcm_write)
         self.dcmShift.sense(options.dcm_shift)
 
     def configure(self, settings: RobotSettings) -> None:
         """The settings were read again: one that has changed replaces what programs have chosen."""
-        old, new = self._options, Options.of(settings.options)
+        old, new = self._options, NaoOptions.of(settings.options)
         self._options, self._trace_file = new, _trace_file(new, self._control)
         if new.dcm_write != old.dcm_write:
             self._chosen.pop("dcm", None)
@@ -108,7 +108,7 @@ def _switch(on: Any) -> bool:
     return bool(on)
 
 
-def _trace_file(options: Options, control: str) -> str:
+def _trace_file(options: NaoOptions, control: str) -> str:
     """The file of the settings, or one beside the control socket, in a folder that belongs to urbihw alone."""
     if options.trace_file or not control:
         return options.trace_file

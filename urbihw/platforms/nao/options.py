@@ -8,14 +8,14 @@ from typing import Final
 
 from urbihw.buses.qi.hosting import EndPointSettings
 from urbihw.buses.qi.login import Login
-from urbihw.settings import SWITCH, TEXT, BadSetting, Table, number, setting, whole
+from urbihw.settings import SWITCH, TEXT, BadSetting, SettingsTable, number, setting, whole
 
 SHIFTS_S: Final = (0.02, 0.5)
 """Least and greatest ``dcm_shift``."""
 
 
 @dataclass(frozen=True)
-class Options(Table):
+class NaoOptions(SettingsTable):
     """The options.
 
     Attributes:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from urbihw.buses.messages import FromWorker, Request
-from urbihw.platforms.nao.exchange import Exchange
+from urbihw.platforms.nao.exchange import NaoExchange
 
 Devices = tuple[Any, ...] | None
 """The devices that are meant; None for all."""
 
 
-class Part:
+class NaoPart:
     """The base of all parts.  The driver holds them in a list and calls each method of each part in that order.
 
     ``owns`` and ``set_target``, ``verbs`` and ``request`` are asked in the same order: the first part that knows the
@@ -25,7 +25,7 @@ class Part:
 
     verbs: frozenset[str] = frozenset()
 
-    def __init__(self, exchange: Exchange) -> None:
+    def __init__(self, exchange: NaoExchange) -> None:
         self.exchange = exchange
 
     def begin(self) -> None:

@@ -31,7 +31,7 @@ def no_pillow() -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Format:
+class PictureFormat:
     """A format: the keyword of its Binary, the colour space to ask NAOqi for, and the bytes of a pixel there."""
 
     keyword: str
@@ -39,9 +39,10 @@ class Format:
     bytes_per_pixel: int
 
 
-FORMATS: Final[Mapping[int, Format]] = {
-    RGB: Format("rgb", 11, 3), YUV: Format("ycbcr", 10, 3), JPEG: Format("jpeg", 9, 2), PPM: Format("ppm", 11, 3),
-    YUV422: Format("yuv422", 9, 2), GREY8: Format("grey8", 0, 1), GREY4: Format("grey4", 0, 1),
+FORMATS: Final[Mapping[int, PictureFormat]] = {
+    RGB: PictureFormat("rgb", 11, 3), YUV: PictureFormat("ycbcr", 10, 3), JPEG: PictureFormat("jpeg", 9, 2),
+    PPM: PictureFormat("ppm", 11, 3),
+    YUV422: PictureFormat("yuv422", 9, 2), GREY8: PictureFormat("grey8", 0, 1), GREY4: PictureFormat("grey4", 0, 1),
 }  # fmt: skip
 """``formatDetail`` -> format; colour spaces: fact sheet, section 11."""
 RESOLUTIONS: Final[Mapping[int, tuple[int, int, int]]] = {
@@ -76,7 +77,7 @@ class CameraMode:
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class NaoPicture:
     """A picture in its format, as it was wanted in ``mode``; sizes in pixels, angles of view in rad."""
 
     mode: CameraMode
@@ -93,7 +94,7 @@ def has_pillow() -> bool:
     return find_spec("PIL") is not None
 
 
-def read_picture(answer: Any, mode: CameraMode) -> Picture | None:
+def read_picture(answer: Any, mode: CameraMode) -> NaoPicture | None:
     """The picture in an answer to getImageRemote; None where NAOqi has none.
 
     Raises BadValue for anything else than a picture of the size and the colour space that were asked for.
@@ -115,7 +116,7 @@ def read_picture(answer: Any, mode: CameraMode) -> Picture | None:
         what = f"{len(pixels)} bytes" if isinstance(pixels, bytes | bytearray) else f"a {type(pixels).__name__}"
         raise BadValue(f"a picture of {width} x {height} in colour space {space} cannot be {what}")
     data = _convert(bytes(pixels), width, height, mode)
-    return Picture(mode, data, width, height, wanted.keyword, _angle(left, right), _angle(top, bottom))
+    return NaoPicture(mode, data, width, height, wanted.keyword, _angle(left, right), _angle(top, bottom))
 
 
 def _angle(one: float, other: float) -> float:

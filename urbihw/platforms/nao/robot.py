@@ -215,7 +215,7 @@ class Nao(MotionRobot):
             elif device == MEMORY_VALUES:
                 self.memory.show(values, stamp)
 
-    def on_happened(self, message: m.Happened) -> None:
+    def on_happened(self, message: m.DeviceReport) -> None:
         """See ``WiredRobot``: an event of ALMemory, or a call of a module."""
         if message.device == MODULE:
             self.modules.handle(message)

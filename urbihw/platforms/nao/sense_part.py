@@ -9,12 +9,12 @@ from typing import Any, Final
 from urbihw.buses.errors import LinkGone
 from urbihw.buses.messages import FromWorker, Reply, Request
 from urbihw.buses.qi.checked import to_row
-from urbihw.buses.qi.session import Call
+from urbihw.buses.qi.session import QiCall
 from urbihw.platforms.nao import reading
-from urbihw.platforms.nao.exchange import Exchange
-from urbihw.platforms.nao.finding import Finding
+from urbihw.platforms.nao.exchange import NaoExchange
+from urbihw.platforms.nao.finding import NaoFinding
 from urbihw.platforms.nao.orders import JointOrders
-from urbihw.platforms.nao.part import Part
+from urbihw.platforms.nao.part import NaoPart
 
 SLOW_CYCLES: Final = 5
 """Sensors and temperatures are read in each such cycle."""
@@ -25,7 +25,7 @@ MEMORY_VALUES: Final = "memory"
 MOST_FOLLOWED: Final = 64
 
 
-class SensePart(Part):
+class SensePart(NaoPart):
     """Values "angle", "stiffness", "temperature" of joints, and those of ``reading.SENSORS``.
 
     Request "follow" of a key of ALMemory: it is read in each cycle from now on, also on later sessions, and told as a
@@ -34,7 +34,7 @@ class SensePart(Part):
 
     verbs = frozenset({"follow"})
 
-    def __init__(self, exchange: Exchange, orders: JointOrders) -> None:
+    def __init__(self, exchange: NaoExchange, orders: JointOrders) -> None:
         super().__init__(exchange)
         self._orders = orders
         self._fast: Mapping[str, reading.Key] = {}
@@ -61,7 +61,7 @@ class SensePart(Part):
         self._told[key] = value
         return [Reply(message.reply_id, True, [] if value is None else [value])]
 
-    def show_first(self, found: Finding) -> None:
+    def show_first(self, found: NaoFinding) -> None:
         """Take over what was found at the login, with its first values."""
         self._fast, self._all = found.fast_keys, found.all_keys
         self._show(self._all, found.values)
@@ -80,7 +80,7 @@ class SensePart(Part):
         then = partial(self._show_answer, keys, followed)
         exchange.call("reading", exchange.memory, "getListData", [*keys, *followed], then=then)
 
-    def _show_answer(self, keys: Mapping[str, reading.Key], followed: Sequence[str], call: Call) -> None:
+    def _show_answer(self, keys: Mapping[str, reading.Key], followed: Sequence[str], call: QiCall) -> None:
         values = call.value
         if followed and isinstance(values, list):
             self._show_followed(followed, values[len(keys) :])

@@ -14,7 +14,7 @@ from urbihw.platforms.nao import words
 from urbihw.platforms.nao.micro_part import HEAR_RATE, MICRO
 from urbihw.platforms.nao.service_slot import ServiceSlot, Setting
 from urbihw.platforms.nao.sound_part import AUDIO, PLAY_RATE
-from urbihw.platforms.speaker import Speaker
+from urbihw.platforms.speaker import PlatformSpeaker
 from urbihw.platforms.streamed import Streamed
 
 VOICE, RECOGNITION = "ALTextToSpeech", "ALSpeechRecognition"
@@ -77,7 +77,7 @@ VOICE_SETTINGS: Final = {
 """Slots of the voice (manual, "TextToSpeech"; NAOqi, "ALTextToSpeech")."""
 
 
-class NaoSpeaker(Speaker):
+class NaoSpeaker(PlatformSpeaker):
     """The loudspeakers of a Nao; ``nao.volume`` is how loud they are."""
 
     play_rate = PLAY_RATE

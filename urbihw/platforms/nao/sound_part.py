@@ -14,9 +14,9 @@ from collections import deque
 from typing import Any, Final
 
 from urbihw.buses.messages import FromWorker, Reply, Request
-from urbihw.buses.qi.session import Call, Service
-from urbihw.platforms.nao.exchange import LINK_LOST, Exchange
-from urbihw.platforms.nao.part import Part
+from urbihw.buses.qi.session import QiCall, QiService
+from urbihw.platforms.nao.exchange import LINK_LOST, NaoExchange
+from urbihw.platforms.nao.part import NaoPart
 
 SPEAKER: Final = "speaker"
 AUDIO: Final = "ALAudioDevice"
@@ -30,15 +30,15 @@ PLAY_TIMEOUT_S: Final = 5.0
 """Seconds in which NAOqi must answer to a piece, if it answers when the sound is played."""
 
 
-class SoundPart(Part):
+class SoundPart(NaoPart):
     """Requests "write" of ("speaker", "piece"), 16 bits of one channel at PLAY_RATE, and of ("speaker", "flush")."""
 
     verbs = frozenset({"write"})
 
-    def __init__(self, exchange: Exchange) -> None:
+    def __init__(self, exchange: NaoExchange) -> None:
         super().__init__(exchange)
         self._pieces: deque[tuple[int, bytes]] = deque()
-        self._call: Call | None = None
+        self._call: QiCall | None = None
         self._has_rate = False
         self._ends = -math.inf
 
@@ -91,22 +91,22 @@ class SoundPart(Part):
         else:
             self._play(service, *self._pieces.popleft())
 
-    def _start_call(self, service: Service, method: str, *arguments: Any, then: Any) -> None:
+    def _start_call(self, service: QiService, method: str, *arguments: Any, then: Any) -> None:
         self._call = self.exchange.session.call(service, method, *arguments, then=then, timeout=PLAY_TIMEOUT_S)
 
-    def _set_rate(self, call: Call) -> None:
+    def _set_rate(self, call: QiCall) -> None:
         if call.error:
             self._drop_pieces(f"the rate of the loudspeakers cannot be set: {call.error}")
         else:
             self._has_rate = True
 
-    def _play(self, service: Service, reply_id: int, data: bytes) -> None:
+    def _play(self, service: QiService, reply_id: int, data: bytes) -> None:
         mono = array.array("h", data[: len(data) // 2 * 2])
         stereo = array.array("h", bytes(4 * len(mono)))
         stereo[::2] = stereo[1::2] = mono
         self._ends = max(self._ends, self.exchange.now()) + len(mono) / PLAY_RATE
 
-        def answered(call: Call) -> None:
+        def answered(call: QiCall) -> None:
             error = call.error or ("" if call.value is not False else "the robot takes no such sound")
             self.exchange.news.append(_failed(reply_id, error) if error else Reply(reply_id, True))
 

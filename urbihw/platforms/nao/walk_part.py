@@ -8,9 +8,9 @@ from typing import Any, Final
 from urbihw.buses.errors import BadValue
 from urbihw.buses.messages import FromWorker, Reply, Request
 from urbihw.buses.qi.checked import to_number, to_row
-from urbihw.buses.qi.session import Call
-from urbihw.platforms.nao.exchange import Exchange
-from urbihw.platforms.nao.part import Devices, Part
+from urbihw.buses.qi.session import QiCall
+from urbihw.platforms.nao.exchange import NaoExchange
+from urbihw.platforms.nao.part import Devices, NaoPart
 
 WALK: Final = "walk"
 AXES: Final = ("x", "y", "yaw")
@@ -20,14 +20,14 @@ PLACE_CYCLES: Final = 5
 """The place of a robot that does not walk is read in each such cycle."""
 
 
-class WalkPart(Part):
+class WalkPart(NaoPart):
     """Targets "x", "y" (m/s), "yaw" (rad/s) of ``WALK``; values "x", "y" (m), "theta" (rad); "write" of "config": the
     foot-step parameters, names and values.
     """
 
     verbs = frozenset({"write"})
 
-    def __init__(self, exchange: Exchange) -> None:
+    def __init__(self, exchange: NaoExchange) -> None:
         super().__init__(exchange)
         self._speeds = dict.fromkeys(AXES, 0.0)
         self._config: list[list[Any]] = []
@@ -86,7 +86,7 @@ class WalkPart(Part):
         if (slow or self._walks) and not exchange.busy("place"):
             exchange.call("place", exchange.motion, "getRobotPosition", True, then=self._show_place)
 
-    def _show_place(self, call: Call) -> None:
+    def _show_place(self, call: QiCall) -> None:
         place = map(to_number, to_row(call.value, 3)[:3])
         self.exchange.values[WALK] = dict(zip(("x", "y", "theta"), place, strict=True))
 

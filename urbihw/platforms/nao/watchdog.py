@@ -39,7 +39,7 @@ OFF, FED, STOPPING, STOPPED = "off", "fed", "stopping", "stopped"
 log = logging.getLogger("urbihw-watchdog")
 
 
-class Watchdog(object):
+class NaoWatchdog(object):
     """Counts the time down; ``feed``, ``release`` and ``state`` may come from any thread.
 
     ``find_service`` gives a service of NAOqi by its name; without it behaviours are left running.
@@ -116,11 +116,11 @@ class Watchdog(object):
                 self._state, self._left = after, STAND_S
 
 
-class Service(object):
+class WatchdogService(object):
     """What clients see of it: all that is public here."""
 
     def __init__(self, watchdog):
-        # type: (Watchdog) -> None
+        # type: (NaoWatchdog) -> None
         self._watchdog = watchdog
 
     def feed(self, seconds):
@@ -153,8 +153,8 @@ def serve(url, listen):
     try:
         session.connect(url)
         session.listen(listen)
-        watchdog = Watchdog(session.service("ALMotion"), session.service)
-        session.registerService(NAME, Service(watchdog))
+        watchdog = NaoWatchdog(session.service("ALMotion"), session.service)
+        session.registerService(NAME, WatchdogService(watchdog))
         log.info("ready: NAOqi %s, service at %s", url, ", ".join(session.endpoints()))
         # Python 2 has no clock that nobody can set: a step backwards counts as one period, one ahead stops the robot.
         clock = getattr(time, "monotonic", time.time)

@@ -7,9 +7,9 @@ from typing import Final
 
 from urbihw.buses.errors import Unavailable
 from urbihw.buses.messages import Refused
-from urbihw.buses.qi.session import Service
-from urbihw.platforms.nao.exchange import Exchange
-from urbihw.platforms.nao.part import Part
+from urbihw.buses.qi.session import QiService
+from urbihw.platforms.nao.exchange import NaoExchange
+from urbihw.platforms.nao.part import NaoPart
 
 NAME: Final = "UrbihwWatchdog"
 KIND: Final = "watchdog"
@@ -19,17 +19,17 @@ HOLD_S: Final = 1.0
 """Seconds without a feed after which the robot is stopped."""
 
 
-class WatchdogPart(Part):
+class WatchdogPart(NaoPart):
     """Feeds the service while one of ``parts`` moves something; does nothing for a robot without it.
 
     It comes before those parts in a cycle, so that the robot is guarded when it starts.  A service that fails once is
     fed no more until the next login: that is told.
     """
 
-    def __init__(self, exchange: Exchange, parts: Sequence[Part]) -> None:
+    def __init__(self, exchange: NaoExchange, parts: Sequence[NaoPart]) -> None:
         super().__init__(exchange)
         self._parts = parts
-        self._service: Service | None = None
+        self._service: QiService | None = None
         self._fed = False
         self._due = 0.0
 

@@ -15,10 +15,10 @@ from typing import Any, Final
 from urbihw.buses.errors import BadValue
 from urbihw.buses.messages import FromWorker, Reply, Request
 from urbihw.buses.qi.checked import to_number, to_row
-from urbihw.buses.qi.session import Call
-from urbihw.platforms.nao.exchange import Exchange
+from urbihw.buses.qi.session import QiCall
+from urbihw.platforms.nao.exchange import NaoExchange
 from urbihw.platforms.nao.finding import MOTION
-from urbihw.platforms.nao.part import Devices, Part
+from urbihw.platforms.nao.part import Devices, NaoPart
 
 EFFECTORS: Final[Mapping[str, str]] = {"LHand": "LArm", "RHand": "RArm"}
 """The hands, and the effectors that they are to NAOqi."""
@@ -39,12 +39,12 @@ KIND: Final = "wholebody"
 _Step = tuple[str, tuple[Any, ...]]
 
 
-class WholeBodyPart(Part):
+class WholeBodyPart(NaoPart):
     """Requests "write" of "pos" (x, y, z in m) of an effector; its values "x", "y", "z"."""
 
     verbs = frozenset({"write"})
 
-    def __init__(self, exchange: Exchange) -> None:
+    def __init__(self, exchange: NaoExchange) -> None:
         super().__init__(exchange)
         self._goals: dict[str, tuple[float, ...]] = {}
         self._steps: deque[_Step] = deque()
@@ -160,7 +160,7 @@ class WholeBodyPart(Part):
                 self._ask_place(effector)
 
     def _ask_place(self, effector: str) -> None:
-        def show(call: Call) -> None:
+        def show(call: QiCall) -> None:
             place = map(to_number, to_row(call.value, 6)[:3])
             self.exchange.values[effector] = dict(zip(("x", "y", "z"), place, strict=True))
 

@@ -22,9 +22,9 @@ from urbihw.buses.errors import BadFrame, BadValue, BusError, BusTimeout, LinkGo
 from urbihw.buses.link import Port, byte_link
 from urbihw.buses.messages import (
     Configure,
+    DeviceReport,
     Found,
     FromWorker,
-    Happened,
     Refused,
     Reply,
     Request,
@@ -34,10 +34,10 @@ from urbihw.buses.messages import (
 )
 from urbihw.buses.readings import Quantity
 from urbihw.platforms.nxt import protocol as p
-from urbihw.platforms.nxt.exchange import Exchange
+from urbihw.platforms.nxt.exchange import NxtExchange
 from urbihw.platforms.nxt.i2c import transfer
-from urbihw.platforms.nxt.motion import Motion
-from urbihw.platforms.nxt.reading import BRICK, Job, Plan
+from urbihw.platforms.nxt.motion import NxtMotion
+from urbihw.platforms.nxt.reading import BRICK, Plan, ReadingJob
 
 KEEP_ALIVE = 60.0
 """Seconds between KEEPALIVEs: the shortest sleep limit in the brick's menu is 2 minutes."""
@@ -67,10 +67,10 @@ class NxtDriver(Driver):
 
     def __init__(self) -> None:
         self._settings = Configure()
-        self._exchange: Exchange | None = None
+        self._exchange: NxtExchange | None = None
         self._plan = Plan()
-        self._motion = Motion()
-        self._pending: Job | None = None
+        self._motion = NxtMotion()
+        self._pending: ReadingJob | None = None
         self._active_motors: frozenset[str] = frozenset()
         self._moved: set[str] = set()
         self._rotations: dict[str, int] = {}
@@ -83,7 +83,7 @@ class NxtDriver(Driver):
 
     def attach(self, port: Port) -> list[FromWorker]:
         """Identify the brick.  Raises Unavailable for another protocol, LinkGone."""
-        exchange = Exchange(byte_link(port))
+        exchange = NxtExchange(byte_link(port))
         try:
             found = self._identify(exchange)
         except (LinkGone, Unavailable):
@@ -166,7 +166,7 @@ class NxtDriver(Driver):
             return [Reply(message.reply_id, True, self._execute_request(exchange, message))]
         except LinkGone:
             raise
-        except p.Refused as error:
+        except p.BrickRefused as error:
             exchange.counters.refused += 1
             return [Reply(message.reply_id, False, error=str(error))]
         except BusError as error:
@@ -250,7 +250,7 @@ class NxtDriver(Driver):
 
     # ---------------------------------------------------------------- attaching
 
-    def _identify(self, exchange: Exchange) -> FoundBrick:
+    def _identify(self, exchange: NxtExchange) -> FoundBrick:
         version = p.parse_version(_request_with_retries(exchange, p.firmware_version()))
         if version.protocol[0] != PROTOCOL:
             raise Unavailable(
@@ -263,16 +263,16 @@ class NxtDriver(Driver):
             info.name, info.address, _dotted(version.firmware), _dotted(version.protocol), info.free, limit / 1000
         )
 
-    def _read_rotations(self, exchange: Exchange) -> dict[str, int]:
+    def _read_rotations(self, exchange: NxtExchange) -> dict[str, int]:
         """Return the rotation counts of the motors this driver has moved: they may have run on without the link."""
         found = {}
         for number, port in enumerate(p.OUTPUTS):
             if port in self._moved:
-                with contextlib.suppress(BusTimeout, BadFrame, p.Refused):
+                with contextlib.suppress(BusTimeout, BadFrame, p.BrickRefused):
                     found[port] = p.parse_output_state(_request_with_retries(exchange, p.output_state(number))).rotation
         return found
 
-    def _stop_motors(self, exchange: Exchange, ports: Iterable[str], *, silence: bool) -> None:
+    def _stop_motors(self, exchange: NxtExchange, ports: Iterable[str], *, silence: bool) -> None:
         ports = list(ports)
         outputs = [p.ALL_OUTPUTS] if len(ports) == len(p.OUTPUTS) else [p.OUTPUTS.index(port) for port in ports]
         for output in outputs:
@@ -285,18 +285,18 @@ class NxtDriver(Driver):
 
     # ---------------------------------------------------------------- a tick
 
-    def _send_targets(self, exchange: Exchange, now: float) -> None:
+    def _send_targets(self, exchange: NxtExchange, now: float) -> None:
         for telegram in self._motion.silent_telegrams(now):
             self._send_silently(exchange, telegram)
         if now >= self._keep_alive_at:
             self._keep_alive_at = now + KEEP_ALIVE
             exchange.send(p.keep_alive(reply=False))
 
-    def _send_silently(self, exchange: Exchange, telegram: bytes) -> None:
+    def _send_silently(self, exchange: NxtExchange, telegram: bytes) -> None:
         self._moved |= p.outputs_of(telegram)
         exchange.send(telegram)
 
-    def _send_next_request(self, exchange: Exchange, now: float) -> bool:
+    def _send_next_request(self, exchange: NxtExchange, now: float) -> bool:
         """Send the next telegram that requests a reply; return False if there is none."""
         telegram = self._motion.next_request()
         self._pending = None
@@ -309,7 +309,7 @@ class NxtDriver(Driver):
         exchange.send_request(telegram)
         return True
 
-    def _collect_reply(self, exchange: Exchange, end: float, result: _TickResult) -> bool:
+    def _collect_reply(self, exchange: NxtExchange, end: float, result: _TickResult) -> bool:
         """Process the reply; return False while it has not arrived.  Raises LinkGone."""
         job = self._pending
         values = None
@@ -324,7 +324,7 @@ class NxtDriver(Driver):
             if not self._plan.is_wanted(job):
                 return True
             values = job.parse_reply(reply, now)
-        except p.Refused as error:
+        except p.BrickRefused as error:
             exchange.counters.refused += 1
             result.add_refusal(job, error)
         except (BusTimeout, BadFrame):
@@ -351,7 +351,7 @@ class NxtDriver(Driver):
         self._moved |= outputs
         self._motion.drop_goals(outputs)
 
-    def _execute_request(self, exchange: Exchange, message: Request) -> Any:
+    def _execute_request(self, exchange: NxtExchange, message: Request) -> Any:
         device, item, value = message.device, message.item, message.value
         if (message.verb, device, item) == ("write", BRICK, "telegram"):
             raw = p.raw(value, reply=True)
@@ -386,9 +386,9 @@ class _TickResult:
         self._values.setdefault(device, {}).update(values)
         self._times[device] = now
 
-    def add_refusal(self, job: Job | None, error: p.Refused) -> None:
+    def add_refusal(self, job: ReadingJob | None, error: p.BrickRefused) -> None:
         """Add a refusal by the brick."""
-        self._refusals.append(Happened(BRICK if job is None else job.device, "refused", str(error)))
+        self._refusals.append(DeviceReport(BRICK if job is None else job.device, "refused", str(error)))
 
     def messages(self) -> list[FromWorker]:
         """Return the messages to post."""
@@ -397,7 +397,7 @@ class _TickResult:
         return [*self._refusals, Samples(max(self._times.values()), self._values, self._times)]
 
 
-def _request_with_retries(exchange: Exchange, telegram: bytes, tries: int = _TRIES) -> bytes:
+def _request_with_retries(exchange: NxtExchange, telegram: bytes, tries: int = _TRIES) -> bytes:
     """Return the reply to a telegram that may be sent again.  Raises BusTimeout, BadFrame, LinkGone."""
     for attempt in range(tries):
         try:

@@ -27,7 +27,7 @@ _BLUETOOTH_BUFFER = 128
 
 
 @dataclass
-class Counters:
+class NxtCounters:
     """Failures since the link was opened."""
 
     timeouts: int = 0
@@ -35,13 +35,13 @@ class Counters:
     refused: int = 0
 
 
-class Exchange:
+class NxtExchange:
     """Requests over one link; ``request`` is ``send_request`` and ``poll_reply`` until the time-out."""
 
     def __init__(self, link: Link) -> None:
         self.link = link
         self.timeout_s = RESPONSE_TIMEOUT_S[link.packets]
-        self.counters = Counters()
+        self.counters = NxtCounters()
         self._opcode = -1
         self._deadline = 0.0
         self._buffer = b""

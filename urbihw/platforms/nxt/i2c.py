@@ -11,7 +11,7 @@ from typing import Final
 
 from urbihw.buses.errors import BadFrame, BusTimeout
 from urbihw.platforms.nxt import protocol as p
-from urbihw.platforms.nxt.exchange import Exchange
+from urbihw.platforms.nxt.exchange import NxtExchange
 
 ULTRASONIC: Final = 0x02
 DISTANCE: Final = 0x42
@@ -63,7 +63,7 @@ class Ultrasonic:
             data = p.parse_ls_read(reply)
             self._set_step("write", max(self._began + period, now + 0.01))
             return data[-1] if data else self.failed(now)
-        except p.Refused as error:
+        except p.BrickRefused as error:
             if step == "status" and error.code == p.PENDING:
                 return self._handle_status(0, now)
             if step == "write" and error.code == p.NOT_READY:
@@ -92,7 +92,7 @@ class Ultrasonic:
         self._step, self.due = step, due
 
 
-def transfer(exchange: Exchange, port: int, data: bytes, count: int) -> bytes:
+def transfer(exchange: NxtExchange, port: int, data: bytes, count: int) -> bytes:
     """Execute one transfer with any sensor; blocks for up to some 50 ms.  Raises BusError."""
     clock = exchange.link.clock
     exchange.request(p.ls_read(port))
@@ -101,7 +101,7 @@ def transfer(exchange: Exchange, port: int, data: bytes, count: int) -> bytes:
         clock.sleep_until(clock.now() + _STATUS_PERIOD)
         try:
             ready = p.parse_ls_status(exchange.request(p.ls_status(port)))
-        except p.Refused as error:
+        except p.BrickRefused as error:
             if error.code != p.PENDING:
                 raise
             continue

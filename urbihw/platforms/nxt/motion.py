@@ -32,7 +32,7 @@ _RENEW_S = 60.0  # before the end of the longest tone
 LOWEST_HZ, HIGHEST_HZ = 200, 14_000
 
 
-class Motion:
+class NxtMotion:
     """Collects targets and converts them to telegrams: with a reply in ``next_request``, the rest in
     ``silent_telegrams``."""
 

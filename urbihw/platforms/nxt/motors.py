@@ -32,9 +32,10 @@ from urbihw.platforms.nxt.ports import PortDevice
 FULL = 100.0
 
 
-class Servo(PortDevice, EffectorDevice):
+class NxtServo(PortDevice, EffectorDevice):
     """A motor of the NXT on port "A", "B" or "C"."""
 
+    uname = "Servo"
     slot_words = words.MOTOR
 
     known_ports = p.OUTPUTS

@@ -12,14 +12,14 @@ from collections.abc import Hashable
 from typing import Any, Final, Protocol
 
 from urbihw.kernel.uobject import Origin, UVar
-from urbihw.navigation.drive import Limits
+from urbihw.navigation.drive import DriveLimits
 from urbihw.navigation.frames import Point
 from urbihw.navigation.navigator import Navigator
 from urbihw.navigation.odometry import Odometry
 from urbihw.navigation.pilot import Pilot
 from urbihw.platforms.limits import DeviceLimits
-from urbihw.platforms.nxt.motors import FULL, Servo
-from urbihw.platforms.nxt.options import Options
+from urbihw.platforms.nxt.motors import FULL, NxtServo
+from urbihw.platforms.nxt.options import NxtOptions
 from urbihw.platforms.nxt.sensors import UltraSonicSensor
 
 CREEPING: Final = 5
@@ -51,7 +51,7 @@ class Geometry(Protocol):
     link: UVar
 
     @property
-    def options(self) -> Options:
+    def options(self) -> NxtOptions:
         """The options of the settings."""
         ...
 
@@ -60,7 +60,7 @@ class Geometry(Protocol):
         ...
 
 
-class Wheel:
+class NxtWheel:
     """A driving motor and the last reading of its encoder.
 
     Attributes:
@@ -69,7 +69,7 @@ class Wheel:
         is_fresh: it was read since the last call of ``turned``.
     """
 
-    def __init__(self, servo: Servo) -> None:
+    def __init__(self, servo: NxtServo) -> None:
         self.servo = servo
         self.is_fresh = False
         self.count = 0.0
@@ -108,13 +108,13 @@ class NxtWheels:
 
     pilot: Pilot
 
-    def __init__(self, robot: Geometry, left: Servo, right: Servo) -> None:
+    def __init__(self, robot: Geometry, left: NxtServo, right: NxtServo) -> None:
         self._robot = robot
-        self._wheels = Wheel(left), Wheel(right)
+        self._wheels = NxtWheel(left), NxtWheel(right)
         self._matched_at = -math.inf
         self._ahead: tuple[UltraSonicSensor, float] | None = None
 
-    def uses_motor(self, servo: Servo) -> bool:
+    def uses_motor(self, servo: NxtServo) -> bool:
         """Return whether a motor is one of the two."""
         return any(wheel.servo is servo for wheel in self._wheels)
 
@@ -159,7 +159,7 @@ class NxtWheels:
         return tuple(wheel.servo.place for wheel in self._wheels if wheel.servo.place is not None)
 
     @property
-    def navigation(self) -> Options:
+    def navigation(self) -> NxtOptions:
         """The settings."""
         return self._robot.options
 
@@ -180,7 +180,7 @@ class NxtWheels:
         if len(self.devices) < len(self._wheels):
             raise ValueError("a wheel has no motor any more; call nxt.steer with the two that drive")
 
-    def update_limits(self, limits: Limits) -> None:
+    def update_limits(self, limits: DriveLimits) -> None:
         """Set the limits by the speeds of the motors, the geometry and the limits of the settings."""
         settings = [self._robot.motor_limits(str(place)) for place in self.devices]
         rim = self._rim_speed()

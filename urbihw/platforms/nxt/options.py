@@ -22,7 +22,7 @@ _MOST: Final = 15.0
 
 
 @dataclass(frozen=True)
-class Options(DrivenBaseOptions):
+class NxtOptions(DrivenBaseOptions):
     """The options, beside those of navigation.
 
     Attributes:

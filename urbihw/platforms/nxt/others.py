@@ -21,12 +21,13 @@ FOREVER_S: Final = 1e9
 """Seconds beyond which a tone counts as endless."""
 
 
-class Battery(Gauge):
+class NxtBattery(Gauge):
     """The charge of the battery, 0..1: ``val``, and ``remain`` as in chapter 22; ``voltage`` in V.
 
     0 and 1 are the voltages of the options ``battery_empty`` and ``battery_full``.
     """
 
+    uname = "Battery"
     slot_words = words.BATTERY
 
     val = reading(math.nan)
@@ -81,7 +82,7 @@ class Beeper(UObject):
         self.brick.channel.set_target(BRICK, "silence", True)
 
 
-class Command(UObject):
+class NxtCommand(UObject):
     """Commands of the brick as bytes, from the opcode on; for experts.
 
     ``request(bytes, size)`` is in nxt.u.  Commands from 0x80 on are system commands; the one that erases the firmware
@@ -89,8 +90,6 @@ class Command(UObject):
     """
 
     slot_words = words.COMMAND
-
-    uname = "NxtCommand"
 
     answered = event()
 

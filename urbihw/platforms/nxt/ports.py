@@ -67,7 +67,7 @@ def brick_of(device: UObject) -> Brick:
 
 def name_of(device: UObject) -> str:
     """Return the name of a device in urbiscript: the first slot of Global that holds it, or its class."""
-    return device.host.name_of(device) or f"another {type(device).__name__}"
+    return device.host.name_of(device) or f"another {device.urbi_class()}"
 
 
 class PortDevice(UObject):
@@ -150,7 +150,7 @@ class PortDevice(UObject):
     def _move_to_port(self, port: Any) -> None:
         if port not in self.known_ports:
             known = ", ".join(f'"{each}"' if isinstance(each, str) else str(each) for each in self.known_ports)
-            raise ValueError(f"a {type(self).__name__} goes on one of the ports {known}, not on {port!r}")
+            raise ValueError(f"a {self.urbi_class()} goes on one of the ports {known}, not on {port!r}")
         if port == self.place:
             return
         self.brick.ports.claim(port, self)

@@ -76,7 +76,7 @@ MEANINGS: Final = {
 }
 
 
-class Refused(BusError):
+class BrickRefused(BusError):
     """The brick answered with a status other than 0: ``code``."""
 
     def __init__(self, code: int) -> None:
@@ -116,7 +116,7 @@ class InputValues:
 
 
 @dataclass(frozen=True, slots=True)
-class Version:
+class BrickVersion:
     """Numbers as (major, minor)."""
 
     protocol: tuple[int, int]
@@ -250,11 +250,11 @@ def raw(body: bytes, reply: bool) -> bytes:
 
 
 def body(reply: bytes, size: int) -> bytes:
-    """Return the data after the status of a reply, ``size`` bytes or more.  Raises BadFrame, Refused."""
+    """Return the data after the status of a reply, ``size`` bytes or more.  Raises BadFrame, BrickRefused."""
     if len(reply) < 3 or reply[0] != 0x02:
         raise BadFrame(f"no reply of a brick: {reply.hex(' ') or 'nothing'}")
     if reply[2]:
-        raise Refused(reply[2])
+        raise BrickRefused(reply[2])
     if len(reply) < 3 + size:
         raise BadFrame(f"the reply to command 0x{reply[1]:02x} is {len(reply)} bytes long instead of {3 + size}")
     return reply[3:]
@@ -270,10 +270,10 @@ def parse_sleep_limit(reply: bytes) -> int:
     return int.from_bytes(body(reply, 4)[:4], "little")
 
 
-def parse_version(reply: bytes) -> Version:
+def parse_version(reply: bytes) -> BrickVersion:
     """Parse the reply to GET FIRMWARE VERSION."""
     protocol_minor, protocol_major, minor, major = body(reply, 4)[:4]
-    return Version((protocol_major, protocol_minor), (major, minor))
+    return BrickVersion((protocol_major, protocol_minor), (major, minor))
 
 
 def parse_device_info(reply: bytes) -> BrickInfo:

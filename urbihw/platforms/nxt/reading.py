@@ -18,7 +18,7 @@ BRICK: Final = "brick"
 Values = dict[str, Any]
 
 
-class Job(ABC):
+class ReadingJob(ABC):
     """The items of one device, read together every ``period`` seconds, at most once per tick."""
 
     in_steps = False
@@ -52,7 +52,7 @@ class Job(ABC):
         self.due = max(self.due + self.period, now)
 
 
-class OutputJob(Job):
+class OutputJob(ReadingJob):
     """Reads a motor."""
 
     def telegram(self, now: float) -> bytes:
@@ -68,7 +68,7 @@ class OutputJob(Job):
         return {"power": state.power, "mode": state.mode, "run_state": state.run_state, "rotation": state.rotation}
 
 
-class InputJob(Job):
+class InputJob(ReadingJob):
     """Reads an analog sensor; there are no values while the brick settles after a change of the type."""
 
     def telegram(self, now: float) -> bytes:
@@ -92,7 +92,7 @@ class InputJob(Job):
         }
 
 
-class DistanceJob(Job):
+class DistanceJob(ReadingJob):
     """Reads an ultrasonic sensor."""
 
     in_steps = True
@@ -118,7 +118,7 @@ class DistanceJob(Job):
         return {"distance": distance}
 
 
-class BatteryJob(Job):
+class BatteryJob(ReadingJob):
     """Reads the battery."""
 
     def telegram(self, now: float) -> bytes:
@@ -131,13 +131,13 @@ class BatteryJob(Job):
         return {"millivolts": p.parse_battery(reply)}
 
 
-_KINDS: Final[dict[type[Job], tuple[str, ...]]] = {
+_KINDS: Final[dict[type[ReadingJob], tuple[str, ...]]] = {
     OutputJob: ("power", "mode", "run_state", "rotation"),
     InputJob: ("kind", "mode", "raw", "normalised", "scaled"),
     DistanceJob: ("distance",),
     BatteryJob: ("millivolts",),
 }
-_DEVICES: Final[dict[type[Job], tuple[Any, ...]]] = {
+_DEVICES: Final[dict[type[ReadingJob], tuple[Any, ...]]] = {
     OutputJob: p.OUTPUTS,
     InputJob: p.INPUTS,
     DistanceJob: p.INPUTS,
@@ -149,8 +149,8 @@ class Plan:
     """All jobs of a brick."""
 
     def __init__(self) -> None:
-        self._periods: dict[tuple[Any, type[Job]], float] = {}
-        self._jobs: dict[tuple[Any, type[Job]], Job] = {}
+        self._periods: dict[tuple[Any, type[ReadingJob]], float] = {}
+        self._jobs: dict[tuple[Any, type[ReadingJob]], ReadingJob] = {}
 
     def watch(self, device: Any, items: Iterable[str], period: float | None, now: float) -> None:
         """Begin to read items; with the period None, end it.  Raises BadValue for an unknown item."""
@@ -167,17 +167,17 @@ class Plan:
         """Restart all jobs, on a new link."""
         self._jobs = {key: key[1](key[0], period, now) for key, period in self._periods.items()}
 
-    def next_job(self, now: float) -> Job | None:
+    def next_job(self, now: float) -> ReadingJob | None:
         """Return the job that is overdue longest, None if none is due."""
         job = min(self._jobs.values(), key=lambda each: each.due, default=None)
         return job if job is not None and job.due <= now else None
 
-    def is_wanted(self, job: Job) -> bool:
+    def is_wanted(self, job: ReadingJob) -> bool:
         """Return whether the job is still watched."""
         return job in self._jobs.values()
 
 
-def _kind_of(device: Any, item: str) -> type[Job]:
+def _kind_of(device: Any, item: str) -> type[ReadingJob]:
     for kind, items in _KINDS.items():
         if item in items and device in _DEVICES[kind]:
             return kind

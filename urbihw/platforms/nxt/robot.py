@@ -27,29 +27,31 @@ from urbihw.navigation.pilot import Pilot
 from urbihw.platforms.hooks import LimitedDevice
 from urbihw.platforms.limits import DeviceLimits
 from urbihw.platforms.nxt import words
-from urbihw.platforms.nxt.motors import Servo
+from urbihw.platforms.nxt.motors import NxtServo
 from urbihw.platforms.nxt.navigation import NxtOdometry, NxtPlanner, NxtWheels
-from urbihw.platforms.nxt.options import TRACK, WHEEL_RADIUS, Options
-from urbihw.platforms.nxt.others import Battery, Beeper, Command
+from urbihw.platforms.nxt.options import TRACK, WHEEL_RADIUS, NxtOptions
+from urbihw.platforms.nxt.others import Beeper, NxtBattery, NxtCommand
 from urbihw.platforms.nxt.ports import Brick, PortDevice, Ports
 from urbihw.platforms.nxt.reading import BRICK
 from urbihw.platforms.nxt.sensors import (
     ColourSensor,
     I2CSensor,
-    LightSensor,
+    NxtLightSensor,
+    NxtSwitch,
     Sensor,
     SoundSensor,
-    Switch,
     UltraSonicSensor,
 )
 from urbihw.settings import BadSetting
 
-_DEVICES: Final = (Servo, UltraSonicSensor, SoundSensor, LightSensor, Switch, ColourSensor, I2CSensor, Battery, Beeper)
+_DEVICES: Final = (
+    NxtServo, UltraSonicSensor, SoundSensor, NxtLightSensor, NxtSwitch, ColourSensor, I2CSensor, NxtBattery, Beeper,
+)  # fmt: skip
 _MANUAL_NAMES: Final = (
     "wheelL", "wheelR", "claw", "decibel", "sonar", "light", "bumper", "battery", "beeper", "wheel", "answer",
 )  # fmt: skip
 """The names that the manual's examples assign to without a ``var``."""
-_ASSIGNED = re.compile(rf"^[ \t]*(\w+)\s*=\s*(?:{'|'.join(kind.__name__ for kind in _DEVICES)})\s*\.\s*new\b", re.M)
+_ASSIGNED = re.compile(rf"^[ \t]*(\w+)\s*=\s*(?:{'|'.join(kind.urbi_class() for kind in _DEVICES)})\s*\.\s*new\b", re.M)
 
 
 class Nxt(Brick):
@@ -57,7 +59,7 @@ class Nxt(Brick):
 
     slot_words = words.BRICK
 
-    classes = (*_DEVICES, Command, NxtOdometry, NxtPlanner, BaseLaser)
+    classes = (*_DEVICES, NxtCommand, NxtOdometry, NxtPlanner, BaseLaser)
 
     robot_name = "nxt"
     model_name = "LEGO MINDSTORMS NXT"
@@ -75,7 +77,7 @@ class Nxt(Brick):
         super().init()
         self.ports = Ports()
         self.gauges = []
-        self.options = Options()
+        self.options = NxtOptions()
         self._set_options({})
         self._layout_is_done = False
         self._wheels: NxtWheels | None = None
@@ -88,7 +90,7 @@ class Nxt(Brick):
     def open(self, settings: RobotSettings, opened: Opened) -> None:
         """Read the options, make ``Command``, then start the worker."""
         self._set_options(settings.options)
-        self.host.create(Command, "Command")
+        self.host.create(NxtCommand, "Command")
         super().open(settings, opened)
 
     def configure(self, settings: RobotSettings) -> None:
@@ -106,7 +108,7 @@ class Nxt(Brick):
         """Return the brick's name and the numbers of motors and sensors."""
         if not self.link.sensed:
             return "link down"
-        motors = sum(isinstance(device, Servo) for device in self.ports)
+        motors = sum(isinstance(device, NxtServo) for device in self.ports)
         sensors = sum(isinstance(device, Sensor | I2CSensor) for device in self.ports)
         return f'"{self.name_.sensed}", {_count(motors, "motor")}, {_count(sensors, "sensor")}'
 
@@ -118,7 +120,7 @@ class Nxt(Brick):
         return self.ports.get(int(port) if isinstance(port, float) else str(port))
 
     @function
-    def steer(self, left: Servo, right: Servo) -> None:
+    def steer(self, left: NxtServo, right: NxtServo) -> None:
         """Make these two motors the driving motors of planner and odometry; called by a layout."""
         if left is right:
             raise ValueError("a robot that drives has two motors for that")
@@ -164,7 +166,7 @@ class Nxt(Brick):
 
     def end_path(self, device: PortDevice) -> None:
         """End the planner's path if it drives this motor."""
-        if self._wheels is not None and isinstance(device, Servo) and self._wheels.uses_motor(device):
+        if self._wheels is not None and isinstance(device, NxtServo) and self._wheels.uses_motor(device):
             self._wheels.pilot.yield_to_hand()
 
     # ---------------------------------------------------------------- the worker
@@ -220,14 +222,14 @@ class Nxt(Brick):
 
     def limited_devices(self) -> Mapping[str, LimitedDevice]:
         """Return the motors by the letters of their ports."""
-        return {str(device.place): device for device in self.ports if isinstance(device, Servo)}
+        return {str(device.place): device for device in self.ports if isinstance(device, NxtServo)}
 
     def on_stopped(self, reason: str) -> None:
         """Show the speed 0 on all motors."""
         for device in self.ports:
             device.stopped()
 
-    def on_happened(self, message: m.Happened) -> None:
+    def on_happened(self, message: m.DeviceReport) -> None:
         """Log and emit the refusal of a command by the brick."""
         self.log.warning("port %s: %s", message.device, message.value)
         self.refused.emit(str(message.device), message.value)
@@ -236,7 +238,7 @@ class Nxt(Brick):
 
     def _set_options(self, options: Mapping[str, Any]) -> None:
         try:
-            old, self.options = self.options, Options.of(options)
+            old, self.options = self.options, NxtOptions.of(options)
         except BadSetting as error:
             raise BadConfig(f"nxt: {error}") from error
         self.volts = self.options.battery_empty, self.options.battery_full
@@ -257,7 +259,7 @@ class Nxt(Brick):
         except OSError as error:
             self.answer_open(BadConfig(f"nxt: cannot load the layout {layout}: {error.strerror}"))
             return
-        # The manual writes `wheelL = Servo.new("C");`, so names need no declaration.
+        # The manual writes `wheelL = NxtServo.new("C");`, so names need no declaration.
         self._declare_names(_ASSIGNED.findall(text))
         self.host.run(text, layout, self._laid_out_as)
 

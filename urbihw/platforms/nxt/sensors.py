@@ -86,7 +86,7 @@ class ModalSensor(AnalogSensor):
     def _check(self, mode: Any) -> None:
         if not isinstance(mode, str) or mode not in self.modes:
             known = ", ".join(f'"{each}"' for each in self.modes)
-            raise ValueError(f"the modes of a {type(self).__name__} are {known}")
+            raise ValueError(f"the modes of a {self.urbi_class()} are {known}")
 
 
 class SoundSensor(ModalSensor):
@@ -105,9 +105,10 @@ class SoundSensor(ModalSensor):
         self.val.sense(values["normalised"] / FULL, stamp)
 
 
-class LightSensor(ModalSensor):
+class NxtLightSensor(ModalSensor):
     """Brightness, 0..1: with the LED on in "Reflector", off in "Ambient"; 0..1023 in "Normal", with the LED off."""
 
+    uname = "LightSensor"
     slot_words = words.LIGHT
 
     modes = {
@@ -135,9 +136,10 @@ class LightSensor(ModalSensor):
         return bool(self.mode.value == "Normal")
 
 
-class Switch(AnalogSensor):
+class NxtSwitch(AnalogSensor):
     """A touch sensor: 1 while pressed, else 0."""
 
+    uname = "Switch"
     slot_words = words.SWITCH
 
     pressure = reading(math.nan)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from urbihw.buses.errors import BusError
-from urbihw.buses.trace import Chunk, Cut, Direction, Packet, StreamDecoder, hex_of, with_unit
+from urbihw.buses.trace import Chunk, Cut, Direction, StreamDecoder, TracedPacket, hex_of, with_unit
 from urbihw.platforms.nxt import protocol as p
 
 _NO_REPLY, _REPLY = 0x80, 0x02
@@ -41,7 +41,7 @@ class NxtDecoder(StreamDecoder):
         super().__init__()
         self._has_lengths: bool | None = None
 
-    def feed(self, chunk: Chunk) -> list[Packet]:
+    def feed(self, chunk: Chunk) -> list[TracedPacket]:
         """Return the telegrams that this chunk completes."""
         if self._has_lengths is None and chunk.data:
             self._has_lengths = len(chunk.data) > 2 and int.from_bytes(chunk.data[:2], "little") == len(chunk.data) - 2
@@ -58,22 +58,24 @@ class NxtDecoder(StreamDecoder):
             return Cut(1, noise=True)
         return Cut(size + 2) if len(data) >= size + 2 else None
 
-    def decode(self, time: float, direction: Direction, data: bytes) -> list[Packet]:
+    def decode(self, time: float, direction: Direction, data: bytes) -> list[TracedPacket]:
         """Return the packet of a telegram."""
         telegram = data[2:] if self._has_lengths else data
         if len(telegram) < 2 or telegram[0] not in _KINDS:
-            return [Packet(time, direction, "", "?", hex_of(data), problem="no telegram", data=data)]
+            return [TracedPacket(time, direction, "", "?", hex_of(data), problem="no telegram", data=data)]
         if telegram[0] == _REPLY:
             return [self._reply(time, direction, telegram, data)]
         opcode, body = telegram[1], telegram[2:]
         detail = _request(opcode, body) + (", no reply wanted" if telegram[0] & _NO_REPLY else "")
-        return [Packet(time, direction, _device(opcode, body), _name(opcode), detail.removeprefix(", "), data=data)]
+        return [
+            TracedPacket(time, direction, _device(opcode, body), _name(opcode), detail.removeprefix(", "), data=data)
+        ]
 
     @staticmethod
-    def _reply(time: float, direction: Direction, telegram: bytes, data: bytes) -> Packet:
+    def _reply(time: float, direction: Direction, telegram: bytes, data: bytes) -> TracedPacket:
         opcode, status = telegram[1], telegram[2] if len(telegram) > 2 else 0
         if len(telegram) < 3:
-            return Packet(time, direction, "", f"reply {_name(opcode)}", problem="no status", data=data)
+            return TracedPacket(time, direction, "", f"reply {_name(opcode)}", problem="no status", data=data)
         problem = p.MEANINGS.get(status, f"status 0x{status:02X}") if status else ""
         detail = ""
         if not status:
@@ -82,7 +84,7 @@ class NxtDecoder(StreamDecoder):
             except (BusError, struct.error) as error:
                 detail, problem = hex_of(telegram[3:]), str(error)
         device = _device(opcode, telegram[3:4]) if opcode in (0x06, 0x07) else ""
-        return Packet(time, direction, device, f"reply {_name(opcode)}", detail, problem=problem, data=data)
+        return TracedPacket(time, direction, device, f"reply {_name(opcode)}", detail, problem=problem, data=data)
 
 
 def nxt(devices: Sequence[Mapping[str, Any]]) -> NxtDecoder:

@@ -24,7 +24,7 @@ from urbihw.kernel.uobject import (
     set_range,
 )
 from urbihw.navigation.drive import Safety
-from urbihw.platforms.camera import Log, PictureCamera
+from urbihw.platforms.camera import CameraLog, PictureCamera
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.p3dx import words
 from urbihw.platforms.p3dx.camera import Mechanics
@@ -68,7 +68,7 @@ class RobotCommands(Protocol):
         ...
 
 
-class Switch(UObject):
+class P3dxSwitch(UObject):
     """A part with the slot ``load``: 1 on, 0 off; reads the state that the robot reports, not the last write."""
 
     load = owned(0.0)
@@ -78,12 +78,10 @@ class Switch(UObject):
         set_range(self.load, 0.0, 1.0)
 
 
-class Body(Switch):
+class P3dxBody(P3dxSwitch):
     """The body: motors, bumpers, and the room to keep."""
 
     slot_words = words.BODY
-
-    uname = "P3dxBody"
 
     safetyDistanceMin = owned(0.0)
     safetyDistanceMax = owned(0.0)
@@ -132,12 +130,10 @@ class Body(Switch):
                 self.bumped.emit("front" if at_front else "rear", float(index if at_front else index - len(front)))
 
 
-class Wheel(UObject):
+class P3dxWheel(UObject):
     """A wheel: how fast its rim goes, m/s."""
 
     slot_words = words.WHEEL
-
-    uname = "P3dxWheel"
 
     speed = reading(0.0)
 
@@ -152,7 +148,7 @@ class Sonar(UObject):
     val = reading(math.nan)
 
 
-class Sonars(Switch):
+class Sonars(P3dxSwitch):
     """All sonars: ``load`` switches them."""
 
     slot_words = words.SONARS
@@ -269,12 +265,10 @@ class YawSpeed(AxisSpeed):
         self._robot.set_speed(w=number(self.speed))
 
 
-class Battery(UObject):
+class P3dxBattery(UObject):
     """The battery; ``remain`` is what the controller says, or an estimate from the voltage."""
 
     slot_words = words.BATTERY
-
-    uname = "P3dxBattery"
 
     voltage = reading(math.nan)
     remain = reading(math.nan)
@@ -307,7 +301,7 @@ class Battery(UObject):
         self._was_low = is_low
 
 
-class Camera(PictureCamera):
+class P3dxCamera(PictureCamera):
     """The camera's mechanics, on AUX1.  It reports nothing, so slots read the last command.
 
     ``load`` 1 makes it ready; orders before that are refused.  The pictures come by the option ``camera_url``.
@@ -315,15 +309,13 @@ class Camera(PictureCamera):
 
     slot_words = words.CAMERA
 
-    uname = "P3dxCamera"
-
     load = owned(0.0)
     yaw = owned(0.0)
     pitch = owned(0.0)
     zoom = owned(0.0)
 
     def init(  # type: ignore[override]
-        self, robot: RobotCommands, mechanics: Mechanics, channel: DeviceChannel, url: str, log: Log
+        self, robot: RobotCommands, mechanics: Mechanics, channel: DeviceChannel, url: str, log: CameraLog
     ) -> None:
         """Nothing moves before ``load`` is 1; ``url`` is that of the pictures."""
         super().init(channel, url, log)

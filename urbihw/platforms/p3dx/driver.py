@@ -28,9 +28,9 @@ from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, 
 from urbihw.buses.readings import ALARM, Quantity, Reading
 from urbihw.platforms.p3dx import packets, sip
 from urbihw.platforms.p3dx.commands import DRIVING, GRIPPER, GRIPPER_HALTS, HALT, encode
-from urbihw.platforms.p3dx.handshake import Handshake, RobotInfo
-from urbihw.platforms.p3dx.options import Options
-from urbihw.platforms.p3dx.protocol import LARGEST, Framer
+from urbihw.platforms.p3dx.handshake import ArcosHandshake, ArcosRobotInfo
+from urbihw.platforms.p3dx.options import P3dxOptions
+from urbihw.platforms.p3dx.protocol import LARGEST, ArcosFramer
 from urbihw.platforms.p3dx.setpoint import FlagSwitch, SetPoint
 
 ROBOT, SONAR, LASER, COMMAND = "robot", "sonar", "laser", "command"
@@ -54,16 +54,16 @@ Values = dict[Any, dict[str, Any]]
 class ArcosDriver(Driver):
     """Drives a Pioneer over one link; ``urbihw.buses.driver.Driver`` tells when each method is called."""
 
-    url_parameters = Options.in_url()
-    device_info = RobotInfo
+    url_parameters = P3dxOptions.in_url()
+    device_info = ArcosRobotInfo
     quantities = {"battery": Quantity("voltage", "V", 0.1)}
 
     def __init__(self) -> None:
         self._link: Link | None = None
-        self._framer = Framer()
+        self._framer = ArcosFramer()
         self._odometer = sip.Odometer()
         self._sim_laser = packets.SimLaser()
-        self._options = Options()
+        self._options = P3dxOptions()
         self._torque_off = False
         self._speeds = {"vel": SetPoint("VEL"), "rvel": SetPoint("RVEL")}
         self._queue: deque[bytes] = deque()
@@ -80,14 +80,14 @@ class ArcosDriver(Driver):
 
     def configure(self, settings: Configure) -> None:
         """Take the settings.  Raises BadSetting."""
-        self._options = Options.of(settings.options)
+        self._options = P3dxOptions.of(settings.options)
         self._torque_off = settings.torque_off_on_stop
 
     def attach(self, port: Port) -> list[FromWorker]:
         """Connect to the controller.  Raises Unavailable, BadUrl, LinkGone."""
         link = byte_link(port)
-        self._framer = Framer()
-        info = Handshake(link, self._framer).connect(self._options.host_baud)
+        self._framer = ArcosFramer()
+        info = ArcosHandshake(link, self._framer).connect(self._options.host_baud)
         self._link = link
         self.identity = str(info.config["serial"])
         self._low_battery = int(info.config["low_battery"]) / 10 or math.nan

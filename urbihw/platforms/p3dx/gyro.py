@@ -28,12 +28,10 @@ HOST_READS: Final = 1
 """GYROTYPE of a gyro that only reports (UNCONFIRMED: others are already part of the controller's own heading)."""
 
 
-class Gyro(UObject):
+class P3dxGyro(UObject):
     """How fast the robot turns, rad/s to the left, measured without the wheels."""
 
     slot_words = words.GYRO
-
-    uname = "P3dxGyro"
 
     speed = reading(math.nan)
     temperature = reading(math.nan)

@@ -17,7 +17,7 @@ from urbihw.buses.link import Link, has_line_speed, set_line_speed
 from urbihw.platforms.p3dx import packets, sip
 from urbihw.platforms.p3dx.commands import encode
 from urbihw.platforms.p3dx.options import HOST_BAUDS
-from urbihw.platforms.p3dx.protocol import Framer, command
+from urbihw.platforms.p3dx.protocol import ArcosFramer, command
 
 BAUDS: Final = (9600, 38400, 19200, 115200, 57600)
 """Speeds to try, most likely first (Player)."""
@@ -35,7 +35,7 @@ _SIPS: Final = (sip.STOPPED, sip.MOVING)
 
 
 @dataclass(frozen=True, slots=True)
-class RobotInfo:
+class ArcosRobotInfo:
     """The description of a robot: names from SYNC2, configuration (0 and "" where old firmware reports nothing)."""
 
     name: str
@@ -44,15 +44,15 @@ class RobotInfo:
     config: Mapping[str, int | str]
 
 
-class Handshake:
+class ArcosHandshake:
     """One attempt to connect over an open link."""
 
-    def __init__(self, link: Link, framer: Framer) -> None:
+    def __init__(self, link: Link, framer: ArcosFramer) -> None:
         self._link = link
         self._framer = framer
         self._sync_timeout = SYNC_TIMEOUT_S
 
-    def connect(self, host_baud: int = 0) -> RobotInfo:
+    def connect(self, host_baud: int = 0) -> ArcosRobotInfo:
         """Connect.  Raises Unavailable when no Pioneer answers, LinkGone."""
         link = self._link
         several = has_line_speed(link) and "baud" not in link.url.options
@@ -106,7 +106,7 @@ class Handshake:
                     return b""
         return b""
 
-    def _open(self, names: tuple[str, str, str], host_baud: int) -> RobotInfo:
+    def _open(self, names: tuple[str, str, str], host_baud: int) -> ArcosRobotInfo:
         clock = self._link.clock
         clock.sleep_until(clock.now() + SETTLE_S)
         self._send("OPEN")
@@ -114,7 +114,7 @@ class Handshake:
         config = self._configuration()
         if host_baud and config["auto_baud"] == 2:
             self._change_baud(host_baud)
-        return RobotInfo(*names, config)
+        return ArcosRobotInfo(*names, config)
 
     def _configuration(self) -> dict[str, int | str]:
         for _ in range(TRIES):

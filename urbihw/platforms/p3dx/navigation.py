@@ -8,20 +8,20 @@ from dataclasses import replace
 from typing import Final, Protocol
 
 from urbihw.kernel.uobject import Motion
-from urbihw.navigation.base import Log, Worker
+from urbihw.navigation.base import NavigationLog, ScannerWorker
 from urbihw.navigation.lasers import fitting
 from urbihw.navigation.lasers.device import LineLaser, Mount
 from urbihw.navigation.navigator import Navigator
 from urbihw.navigation.odometry import Odometry
 from urbihw.navigation.pilot import Pilot, Wheels
 from urbihw.platforms.p3dx.factors import Factors
-from urbihw.platforms.p3dx.options import SIMULATED, Options
+from urbihw.platforms.p3dx.options import SIMULATED, P3dxOptions
 
 SIMULATED_RANGE: Final = 32.0
 """m; the reading of MobileSim's laser without an echo."""
 
 
-class Carriage(Wheels, Protocol):
+class P3dxCarriage(Wheels, Protocol):
     """The robot as the pilot sees it."""
 
     factors: Factors
@@ -36,7 +36,7 @@ class P3dxOdometry(Odometry):
 class P3dxPilot(Pilot):
     """The pilot of the robot, whose size its subclass tells."""
 
-    def __init__(self, robot: Carriage, odometry: Odometry, motion: Motion, log: Log) -> None:
+    def __init__(self, robot: P3dxCarriage, odometry: Odometry, motion: Motion, log: NavigationLog) -> None:
         super().__init__(robot, odometry, motion, log)
         self._robot = robot
 
@@ -58,7 +58,7 @@ class P3dxLaser(LineLaser):
     slot_name = "P3dx.body.laser"
 
     def init(  # type: ignore[override]
-        self, mount: Mount, start_worker: Callable[..., Worker], watch: Callable[[bool], None], offset: float
+        self, mount: Mount, start_worker: Callable[..., ScannerWorker], watch: Callable[[bool], None], offset: float
     ) -> None:
         """The url may also be "sim"; ``watch`` switches the simulated laser; the rest as in ``LineLaser``."""
         super().init(mount, start_worker, offset)
@@ -88,7 +88,7 @@ class P3dxLaser(LineLaser):
             self.show_scan(ranges, stamp, SIMULATED_RANGE)
 
 
-def mount_of(options: Options, factors: Factors, *, simulator: bool) -> Mount:
+def mount_of(options: P3dxOptions, factors: Factors, *, simulator: bool) -> Mount:
     """Return the laser of the options, or that of the simulator; its place is that of the subclass if none is given."""
     mount = fitting.mount_of(options)
     return replace(mount, url=mount.url or (SIMULATED if simulator else ""), place=mount.place or factors.laser_x)

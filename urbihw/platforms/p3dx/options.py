@@ -20,7 +20,7 @@ SIMULATED: Final = "sim"
 
 
 @dataclass(frozen=True)
-class Options(DrivenBaseOptions, CameraOptions):
+class P3dxOptions(DrivenBaseOptions, CameraOptions):
     """The options, beside those of navigation and of the camera's pictures.
 
     Attributes:

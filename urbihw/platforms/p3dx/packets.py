@@ -63,7 +63,7 @@ def parse_names(body: bytes) -> tuple[str, str, str]:
     return name, kind, subclass
 
 
-class _Reader:
+class _BodyReader:
     """Reads numbers from a packet body, one after the other."""
 
     def __init__(self, body: bytes) -> None:
@@ -83,17 +83,17 @@ class _Reader:
 
 
 def _encoders(body: bytes) -> dict[str, Any]:
-    reader = _Reader(body)
+    reader = _BodyReader(body)
     return {"left": reader.read_value("i"), "right": reader.read_value("i")}
 
 
 def _inputs(body: bytes) -> dict[str, Any]:
-    reader = _Reader(body)
+    reader = _BodyReader(body)
     return {"digital_in": reader.read_list("B"), "digital_out": reader.read_list("B"), "analog": reader.read_list("H")}
 
 
 def _gyro(body: bytes) -> dict[str, Any]:
-    reader = _Reader(body)
+    reader = _BodyReader(body)
     readings = [(reader.read_value("H"), reader.read_value("B")) for _ in range(reader.read_value("B"))]
     if not readings:
         return {}
@@ -101,13 +101,13 @@ def _gyro(body: bytes) -> dict[str, Any]:
 
 
 def _joystick(body: bytes) -> dict[str, Any]:
-    reader = _Reader(body)
+    reader = _BodyReader(body)
     names = (("button1", "B"), ("button2", "B"), ("x", "H"), ("y", "H"), ("throttle", "H"))
     return {name: reader.read_value(layout) for name, layout in names}
 
 
 def _batteries(body: bytes) -> dict[str, Any]:
-    reader = _Reader(body)
+    reader = _BodyReader(body)
     count, size = reader.read_value("B"), reader.read_value("B")
     return {"batteries": [[reader.read_value("B") for _ in range(size)] for _ in range(count)]}
 
@@ -117,25 +117,25 @@ def _bytes(body: bytes) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, slots=True)
-class Packet:
+class PacketType:
     """A packet type: the ``device`` whose values it holds, and ``read``, which decodes the body after the type byte."""
 
     device: str
     read: Callable[[bytes], dict[str, Any]]
 
 
-PACKETS: Final[dict[int, Packet]] = {
-    0x90: Packet("encoder", _encoders),
-    0xF0: Packet("io", _inputs),
-    0x98: Packet("gyro", _gyro),
-    0xF8: Packet("joystick", _joystick),
-    0xE0: Packet("gripper", _bytes),
-    0xFA: Packet("battery", _batteries),
-    0xB0: Packet("aux1", _bytes),
-    0xB8: Packet("aux2", _bytes),
-    0x9A: Packet("imu", _bytes),
-    0xA0: Packet("arm", _bytes),
-    0xA1: Packet("arm_info", _bytes),
+PACKETS: Final[dict[int, PacketType]] = {
+    0x90: PacketType("encoder", _encoders),
+    0xF0: PacketType("io", _inputs),
+    0x98: PacketType("gyro", _gyro),
+    0xF8: PacketType("joystick", _joystick),
+    0xE0: PacketType("gripper", _bytes),
+    0xFA: PacketType("battery", _batteries),
+    0xB0: PacketType("aux1", _bytes),
+    0xB8: PacketType("aux2", _bytes),
+    0x9A: PacketType("imu", _bytes),
+    0xA0: PacketType("arm", _bytes),
+    0xA1: PacketType("arm_info", _bytes),
 }
 """Packet type -> what it is.  SIPs, CONFIGpac, the answers of the handshake and simulator packets are not here."""
 
@@ -168,7 +168,7 @@ class SimLaser:
 
         Raises BadFrame.
         """
-        reader = _Reader(body)
+        reader = _BodyReader(body)
         if kind == SIM_LASER[0]:
             for _ in range(3):
                 reader.read_value("h")

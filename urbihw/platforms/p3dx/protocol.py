@@ -60,7 +60,7 @@ def command(number: int, argument: int | bytes | None = None) -> bytes:
     return packet(head + bytes((kind,)) + abs(argument).to_bytes(2, "little"))
 
 
-class Framer:
+class ArcosFramer:
     """Splits a stream into the bodies of its valid packets; other bytes are skipped one by one.
 
     Attributes:

@@ -24,7 +24,7 @@ from urbihw.kernel.uobject import (
     number,
     reading,
 )
-from urbihw.navigation.drive import Drive, Limits, State
+from urbihw.navigation.drive import Drive, DriveLimits, State
 from urbihw.navigation.frames import Point
 from urbihw.platforms.base import LINK_DOWN
 from urbihw.platforms.hooks import LimitedDevice, LimitNamer, LimitTable
@@ -33,13 +33,13 @@ from urbihw.platforms.p3dx import sip, words
 from urbihw.platforms.p3dx.arcos import ArcosRobot
 from urbihw.platforms.p3dx.camera import CAMERAS
 from urbihw.platforms.p3dx.commands import GRIPPER
-from urbihw.platforms.p3dx.devices import Battery, Body, Camera, Sonar, Sonars, Wheel, XSpeed, YawSpeed
+from urbihw.platforms.p3dx.devices import P3dxBattery, P3dxBody, P3dxCamera, P3dxWheel, Sonar, Sonars, XSpeed, YawSpeed
 from urbihw.platforms.p3dx.factors import ANGLE, FACTORS, NO_ECHO, SONARS, Factors, factors_of
 from urbihw.platforms.p3dx.gripper import Gripper
-from urbihw.platforms.p3dx.gyro import HOST_READS, Gyro
-from urbihw.platforms.p3dx.handshake import RobotInfo
+from urbihw.platforms.p3dx.gyro import HOST_READS, P3dxGyro
+from urbihw.platforms.p3dx.handshake import ArcosRobotInfo
 from urbihw.platforms.p3dx.navigation import P3dxLaser, P3dxOdometry, P3dxPilot, P3dxPlanner, mount_of
-from urbihw.platforms.p3dx.options import FUSED, Options
+from urbihw.platforms.p3dx.options import FUSED, P3dxOptions
 from urbihw.settings import BadSetting
 
 ROBOT, SONAR = "robot", "sonar"
@@ -55,8 +55,8 @@ class P3dx(ArcosRobot):
 
     uname = "P3dxRobot"
     classes = (
-        Body, Wheel, P3dxOdometry, Sonar, Sonars, P3dxLaser, Camera, XSpeed, YawSpeed, Battery, P3dxPlanner, Gripper,
-        Gyro,
+        P3dxBody, P3dxWheel, P3dxOdometry, Sonar, Sonars, P3dxLaser, P3dxCamera, XSpeed, YawSpeed, P3dxBattery,
+        P3dxPlanner, Gripper, P3dxGyro,
     )  # fmt: skip
 
     robotType = reading("")
@@ -65,14 +65,14 @@ class P3dx(ArcosRobot):
     def init(self) -> None:
         """Called by ``new``; nothing happens before ``open``."""
         super().init()
-        self.options = Options()
+        self.options = P3dxOptions()
         self.factors: Factors = FACTORS["p3dx-sh"]
         self._parts = False
         self._last: tuple[float, float, float] | None = None
         self._motors = self._motors_wanted = False
         self._sent_speeds = (0, 0)
         self.gripper: Gripper | None = None
-        self.gyro: Gyro | None = None
+        self.gyro: P3dxGyro | None = None
         self._fuses_gyro = False
 
     # ---------------------------------------------------------------- the interface for the pilot
@@ -81,7 +81,7 @@ class P3dx(ArcosRobot):
     """What moves the base, for ``navigation.pilot.Wheels``."""
 
     @property
-    def navigation(self) -> Options:
+    def navigation(self) -> P3dxOptions:
         """The options of the navigation, for ``navigation.pilot.Wheels``."""
         return self.options
 
@@ -90,7 +90,7 @@ class P3dx(ArcosRobot):
         """The limits, the safety distances and the current motion."""
         return self.pilot.drive
 
-    def update_limits(self, limits: Limits) -> None:
+    def update_limits(self, limits: DriveLimits) -> None:
         """Write the limits of the controller, and the decelerations that are set now."""
         limits.fastest, limits.fastest_turn = self._fastest
         limits.braking = number(self.x.deceleration) or limits.braking
@@ -124,8 +124,8 @@ class P3dx(ArcosRobot):
 
     def _apply_options(self, settings: RobotSettings) -> None:
         try:
-            _, in_url = split_parameters(settings.url, Options.in_url())
-            self.options = Options.of({**in_url, **settings.options})
+            _, in_url = split_parameters(settings.url, P3dxOptions.in_url())
+            self.options = P3dxOptions.of({**in_url, **settings.options})
         except (BadUrl, BadSetting) as error:
             raise BadConfig(f"p3dx: {error}") from error
 
@@ -160,7 +160,7 @@ class P3dx(ArcosRobot):
             self._make_extras(info.config)
             self.host.run("P3dx.assemble();", "p3dx.u", self._on_tree_built)
 
-    def _identify(self, info: RobotInfo) -> None:
+    def _identify(self, info: ArcosRobotInfo) -> None:
         self.factors, known = factors_of(self.options.subclass or info.subclass)
         if not known:
             self.log.warning(
@@ -177,14 +177,14 @@ class P3dx(ArcosRobot):
         self._fastest = min(factors.fastest, fastest), min(factors.fastest_turn, fastest_turn)
         self._bumpers = int(config["front_bumps"]), int(config["rear_bumps"])
 
-    def _make_parts(self, info: RobotInfo) -> None:
+    def _make_parts(self, info: ArcosRobotInfo) -> None:
         create, config = self.host.create, info.config
         self.odometry = create(P3dxOdometry)
         self.pilot = P3dxPilot(self, self.odometry, self.motion, self.log)
         simulator = config["serial"] in _SIMULATORS or info.name in _SIMULATORS
         mount = mount_of(self.options, self.factors, simulator=simulator)
-        self.body = create(Body, None, self, self.drive.safety)
-        self.wheels = create(Wheel), create(Wheel)
+        self.body = create(P3dxBody, None, self, self.drive.safety)
+        self.wheels = create(P3dxWheel), create(P3dxWheel)
         self.sonar_ring = create(Sonars, None, self)
         self.sonars = [create(Sonar) for _ in SONARS]
         self.laser = create(
@@ -193,14 +193,14 @@ class P3dx(ArcosRobot):
         self.laser.log = self.log
         self.laser.tell_lost = partial(self.show_part, "laser")
         mechanics = CAMERAS[self.options.camera_model]()
-        self.camera = create(Camera, None, self, mechanics, self.channel, self.options.camera_url, self.log)
+        self.camera = create(P3dxCamera, None, self, mechanics, self.channel, self.options.camera_url, self.log)
         self.x = create(XSpeed, None, self, self._fastest[0])
         self.yaw = create(YawSpeed, None, self, self._fastest[1])
         self.x.update_ramps(config)
         self.yaw.update_ramps(config)
         self.update_limits(self.drive.limits)
         self.battery = create(
-            Battery, None, int(config["low_battery"]) / 10, int(config["shutdown_volts"]) / 10
+            P3dxBattery, None, int(config["low_battery"]) / 10, int(config["shutdown_volts"]) / 10
         )
         self.pilot.scanner = self.laser
         self.planner = self.pilot.planner = create(P3dxPlanner, None, self.pilot)
@@ -224,7 +224,7 @@ class P3dx(ArcosRobot):
             self.gripper = self.host.create(Gripper, None, self)
             self.put_slot("gripperPart", self.gripper)
         if config["gyro_type"]:
-            self.gyro = self.host.create(Gyro)
+            self.gyro = self.host.create(P3dxGyro)
             self._fuses_gyro = config["gyro_type"] == HOST_READS and self.options.gyro == FUSED
             self.put_slot("gyroPart", self.gyro)
             self._watch("gyro", 0.0)

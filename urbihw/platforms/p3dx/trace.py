@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from urbihw.buses.errors import BadFrame
-from urbihw.buses.trace import Cut, Direction, Packet, StreamDecoder, hex_of, with_unit
+from urbihw.buses.trace import Cut, Direction, StreamDecoder, TracedPacket, hex_of, with_unit
 from urbihw.platforms.p3dx import packets, sip
 from urbihw.platforms.p3dx.commands import COMMANDS
 from urbihw.platforms.p3dx.protocol import HEADER, NEGATIVE, POSITIVE, TEXT, checksum
@@ -41,17 +41,17 @@ class ArcosDecoder(StreamDecoder):
         inner = data.find(HEADER, 3, size)
         return Cut(inner, noise=True) if inner > 0 and not _is_intact(data[:size]) else Cut(size)
 
-    def decode(self, time: float, direction: Direction, data: bytes) -> list[Packet]:
+    def decode(self, time: float, direction: Direction, data: bytes) -> list[TracedPacket]:
         """Return the packet."""
         body = data[3:-2]
         if not _is_intact(data):
-            return [Packet(time, direction, "", "?", hex_of(data), "bad", "the checksum is wrong", data)]
+            return [TracedPacket(time, direction, "", "?", hex_of(data), "bad", "the checksum is wrong", data)]
         problem = ""
         try:
             what, detail = _command(body) if direction == ">" else _answer(body)
         except BadFrame as error:
             what, detail, problem = f"packet 0x{body[0]:02X}", hex_of(body[1:]), str(error)
-        return [Packet(time, direction, "", what, detail, "ok", problem, data)]
+        return [TracedPacket(time, direction, "", what, detail, "ok", problem, data)]
 
 
 def arcos(devices: Sequence[Mapping[str, Any]]) -> ArcosDecoder:

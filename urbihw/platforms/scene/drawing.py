@@ -26,7 +26,7 @@ class CannotDraw(Exception):
     """No picture came; the message is one line."""
 
 
-class Drawing:
+class SceneDrawing:
     """Draws the newest state; one that comes while another is being drawn replaces one that waits."""
 
     def __init__(

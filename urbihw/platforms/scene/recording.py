@@ -19,7 +19,7 @@ class BadRecording(Exception):
     """The file is none; the message is one line."""
 
 
-class Recording:
+class SceneRecording:
     """States of one model, ``rate`` of them in a second of the simulation.
 
     Attributes:
@@ -35,7 +35,7 @@ class Recording:
         self._size = 0
 
     @classmethod
-    def begin(cls, model: Path, rate: float) -> Recording:
+    def begin(cls, model: Path, rate: float) -> SceneRecording:
         """An empty recording.  Raises ValueError if the model cannot be read."""
         try:
             return cls(model, rate, model.read_bytes() if model.suffix == COMPILED else b"")
@@ -65,7 +65,7 @@ class Recording:
         return json.dumps(head).encode() + b"\n" + self.compiled + states
 
     @classmethod
-    def parse(cls, data: bytes) -> Recording:
+    def parse(cls, data: bytes) -> SceneRecording:
         """Return the recording that a file contains.  Raises BadRecording."""
         line, _, rest = data.partition(b"\n")
         try:

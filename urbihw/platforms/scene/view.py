@@ -10,9 +10,9 @@ from typing import Any, Final, Protocol
 
 from urbihw.files import write_regular
 from urbihw.kernel.uobject import UBinary, UImage, function, number, owned, reading
-from urbihw.platforms.scene.drawing import HEIGHT, WIDTH, Drawing
+from urbihw.platforms.scene.drawing import HEIGHT, WIDTH, SceneDrawing
 from urbihw.platforms.scene.painting import ViewPoint
-from urbihw.platforms.scene.recording import Recording
+from urbihw.platforms.scene.recording import SceneRecording
 from urbihw.platforms.streamed import OnDemand
 
 log = logging.getLogger("urbihw.world")
@@ -31,7 +31,7 @@ if (Global.hasLocalSlot("robot") && !robot.hasLocalSlot("experimentalWorldView")
 """Puts it into the tree, where the panel finds it."""
 
 
-class Source(Protocol):
+class SceneSource(Protocol):
     """Whoever simulates."""
 
     def begin(self, period: float, show: Callable[[bytes, float], None]) -> None:
@@ -80,9 +80,9 @@ class WorldView(OnDemand):
         """Called by the server; programs cannot make another one."""
         if source is None:
             raise ValueError("there is one view of the world, worldView: it belongs to the simulation")
-        self._source: Source = source
-        self._drawing = Drawing(self.host.post, self._show_picture, self._tell)
-        self._recording: Recording | None = None
+        self._source: SceneSource = source
+        self._drawing = SceneDrawing(self.host.post, self._show_picture, self._tell)
+        self._recording: SceneRecording | None = None
         self._running = False
         self.state.sense(UBinary(b"", "world state"))
         for var in (self.azimuth, self.elevation, self.distance, self.target):
@@ -164,7 +164,7 @@ class WorldView(OnDemand):
         """record(rate): keep ``rate`` states a second (of the simulation) from now on, for ``save``."""
         if not 0.1 <= rate <= 100:
             raise ValueError("the rate is 0.1 to 100 states a second")
-        self._recording = Recording.begin(self.model(), rate)
+        self._recording = SceneRecording.begin(self.model(), rate)
         self._running = True
         self._begin(1 / rate)
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Final, TypeVar
 
-from urbihw.buses.can.frame import Frame
+from urbihw.buses.can.frame import CanFrame
 from urbihw.platforms.segway import protocol as p
 from urbihw.platforms.segway.monitor import OTHER_MODE, SWITCHED_OFF, SWITCHED_ON, Monitor
 
@@ -30,7 +30,7 @@ class Bases:
         """Watch this number of bases; the state of those that stay is kept."""
         self._monitors = [*self._monitors, Monitor()][:count]
 
-    def add_frame(self, which: int, frame: Frame, now: float) -> None:
+    def add_frame(self, which: int, frame: CanFrame, now: float) -> None:
         """Process a frame of a base, by its number from 0."""
         self._monitors[which].add_frame(frame, now)
 

@@ -10,11 +10,11 @@ import math
 import threading
 from typing import Final
 
-from urbihw.buses.can.frame import Frame
+from urbihw.buses.can.frame import CanFrame
 from urbihw.buses.errors import BadUrl, BusTimeout, LinkGone, Unavailable
 from urbihw.buses.link import Port
 from urbihw.platforms.segway import protocol as p
-from urbihw.platforms.segway.line import Line, line_over
+from urbihw.platforms.segway.line import RmpLine, line_over
 
 TAKE_OVER_S: Final = 0.1
 """Silence of the first channel after which the second is used: ten cycles of the base."""
@@ -32,7 +32,7 @@ class Channel:
     def __init__(self, port: Port) -> None:
         self.reason = ""
         self._port = port
-        self._line: Line | None = line_over(port) if port.is_open else None
+        self._line: RmpLine | None = line_over(port) if port.is_open else None
         self._opening: threading.Thread | None = None
         self._retry_at = -math.inf
         self._is_over = False
@@ -47,7 +47,7 @@ class Channel:
         """The number of damaged frames since it was opened."""
         return self._line.damaged if self._line is not None else 0
 
-    def send(self, frame: Frame) -> bool:
+    def send(self, frame: CanFrame) -> bool:
         """Send a frame; return False if the channel is closed. Raises BusTimeout."""
         if self._line is None:
             return False
@@ -57,7 +57,7 @@ class Channel:
             self._fail(str(error))
         return self._line is not None
 
-    def receive(self) -> list[Frame]:
+    def receive(self) -> list[CanFrame]:
         """Return the frames received so far; none while the channel is closed."""
         if self._line is None:
             self._reopen()
@@ -114,7 +114,7 @@ class DoubleLine:
         self._told = ["", ""]
         self._uses_second = False
 
-    def send(self, frame: Frame) -> None:
+    def send(self, frame: CanFrame) -> None:
         """Send a frame on both channels. Raises LinkGone if both are closed, BusTimeout if none takes it."""
         full: BusTimeout | None = None
         sent = False
@@ -127,7 +127,7 @@ class DoubleLine:
             raise full
         self._check_open()
 
-    def receive(self) -> list[Frame]:
+    def receive(self) -> list[CanFrame]:
         """Return the frames of the first channel, or of the second while the first is silent. Raises LinkGone."""
         first, second = (channel.receive() for channel in self._channels)
         self._check_open()

@@ -28,17 +28,17 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from urbihw import buses
-from urbihw.buses.can.frame import Frame
-from urbihw.buses.clock import Clock, RealClock
+from urbihw.buses.can.frame import CanFrame
+from urbihw.buses.clock import BusClock, BusRealClock
 from urbihw.buses.driver import Driver, no_stop
 from urbihw.buses.errors import BadValue, BusTimeout, LinkGone
 from urbihw.buses.link import Port
 from urbihw.buses.messages import (
     Configure,
+    DeviceReport,
     DeviceState,
     Found,
     FromWorker,
-    Happened,
     Refused,
     Reply,
     Request,
@@ -50,9 +50,9 @@ from urbihw.buses.readings import ALARM, Quantity, Reading
 from urbihw.platforms.segway import protocol as p
 from urbihw.platforms.segway.bases import Bases
 from urbihw.platforms.segway.channels import DoubleLine
-from urbihw.platforms.segway.line import Line, line_over
+from urbihw.platforms.segway.line import RmpLine, line_over
 from urbihw.platforms.segway.monitor import MOVING_MODES, OTHER_MODE
-from urbihw.platforms.segway.options import Options
+from urbihw.platforms.segway.options import SegwayOptions
 from urbihw.platforms.segway.orders import Orders
 
 BASE: Final = "base"
@@ -85,10 +85,10 @@ class RmpDriver(Driver):
     quantities = {"battery": Quantity("voltage", "V", 0.25)}
 
     def __init__(self) -> None:
-        self._clock: Clock = RealClock()
-        self._lines: list[Line] = []
+        self._clock: BusClock = BusRealClock()
+        self._lines: list[RmpLine] = []
         self._more_ports: list[Port] = []
-        self._options = Options()
+        self._options = SegwayOptions()
         self._monitor = Bases()
         self._orders = Orders()
         self._speeds = dict.fromkeys(_LIMITS, 0)
@@ -117,7 +117,7 @@ class RmpDriver(Driver):
         """Apply settings. Raises BadValue for an invalid rate, BadSetting for an option."""
         if not SLOWEST <= settings.rate <= FASTEST:
             raise BadValue(f"commands go out every 20 to 50 ms, so the rate must be 20 to 50, not {settings.rate:g}")
-        self._options = Options.of(settings.options)
+        self._options = SegwayOptions.of(settings.options)
         self._fall_on_stop = settings.torque_off_on_stop
         self._tick = 1 / settings.rate
 
@@ -173,7 +173,7 @@ class RmpDriver(Driver):
                     news += self._check_foreign(frame, now)
                 self._monitor.add_frame(which, frame, now)
             if isinstance(line, DoubleLine):
-                news += [Happened(BASE, "channel", text) for text in line.pop_news()]
+                news += [DeviceReport(BASE, "channel", text) for text in line.pop_news()]
         return news + self._check_base(now)
 
     def targets(self, message: Targets) -> list[FromWorker]:
@@ -213,7 +213,7 @@ class RmpDriver(Driver):
                 return [Reply(message.reply_id, not error, value, error)]
             case "shutdown":
                 self._halt()
-                self._send(Frame(p.SHUTDOWN, bytes(8)))
+                self._send(CanFrame(p.SHUTDOWN, bytes(8)))
                 return [Reply(message.reply_id, True)]
             case _:
                 return [Reply(message.reply_id, False, error=f"an RMP does not know {message.verb!r}")]
@@ -288,11 +288,11 @@ class RmpDriver(Driver):
                 if parameter not in MOVING_MODES:
                     self._stop_by_itself("a mode without motors was asked for")
         # A configuration command also carries the speeds: with zeros the base would jerk.
-        self._send(Frame(p.COMMAND, p.command(self._speeds["velocity"], self._speeds["turn"], number, parameter)))
+        self._send(CanFrame(p.COMMAND, p.command(self._speeds["velocity"], self._speeds["turn"], number, parameter)))
         # Read the clock after sending: on a busy machine some time has passed since the tick began.
         self._sent_at = self._clock.now()
 
-    def _send(self, frame: Frame) -> None:
+    def _send(self, frame: CanFrame) -> None:
         self._own.append(frame.data)
         for line in self._lines:
             try:
@@ -306,7 +306,7 @@ class RmpDriver(Driver):
 
     # ---------------------------------------------------------------- the lines
 
-    def _make_lines(self, port: Port) -> list[Line]:
+    def _make_lines(self, port: Port) -> list[RmpLine]:
         options = self._options
         self._monitor.set_count(2 if options.second_base else 1)
         if options.second_channel:
@@ -323,16 +323,16 @@ class RmpDriver(Driver):
         if len(self._lines) > 1 and self._known:
             for line in self._lines:
                 with contextlib.suppress(LinkGone, BusTimeout):
-                    line.send(Frame(p.COMMAND, p.command(0, 0)))
+                    line.send(CanFrame(p.COMMAND, p.command(0, 0)))
 
     # ---------------------------------------------------------------- what is on the bus
 
-    def _check_foreign(self, frame: Frame, now: float) -> list[FromWorker]:
+    def _check_foreign(self, frame: CanFrame, now: float) -> list[FromWorker]:
         """Report a command on the bus that this driver has not sent."""
         if frame.data in self._own or now - self._foreign_at < _FOREIGN_PAUSE:
             return []
         self._foreign_at = now
-        return [Happened(BASE, "commanded by another")]
+        return [DeviceReport(BASE, "commanded by another")]
 
     def _check_base(self, now: float) -> list[FromWorker]:
         news: list[FromWorker] = []
@@ -344,7 +344,7 @@ class RmpDriver(Driver):
             news += self._lost(now)
         if self._restarts != self._monitor.restarts:
             self._restarts = self._monitor.restarts
-            news.append(Happened(BASE, "restarted"))
+            news.append(DeviceReport(BASE, "restarted"))
             self._stop_by_itself("the base was switched off and on")
         switched = self._monitor.pop_switched()
         if switched and not (switched == OTHER_MODE and self._monitor.mode == self._asked_mode):

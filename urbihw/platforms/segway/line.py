@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from urbihw.buses.can.frame import Frame
+from urbihw.buses.can.frame import CanFrame
 from urbihw.buses.can.port import CanPort
 from urbihw.buses.link import Link, Port, byte_link
 from urbihw.platforms.segway.usb import UsbReader, packet
@@ -14,14 +14,14 @@ _MOST_FRAMES = 1000
 _CHUNK = 65536
 
 
-class Line(Protocol):
+class RmpLine(Protocol):
     """Frames over a port; both raise LinkGone, `send` also BusTimeout."""
 
-    def send(self, frame: Frame) -> None:
+    def send(self, frame: CanFrame) -> None:
         """Send a frame."""
         ...
 
-    def receive(self) -> list[Frame]:
+    def receive(self) -> list[CanFrame]:
         """Return the frames received so far."""
         ...
 
@@ -37,11 +37,11 @@ class CanLine:
     def __init__(self, port: CanPort) -> None:
         self._port = port
 
-    def send(self, frame: Frame) -> None:
+    def send(self, frame: CanFrame) -> None:
         """Send a frame as it is."""
         self._port.send(frame)
 
-    def receive(self) -> list[Frame]:
+    def receive(self) -> list[CanFrame]:
         """Return the frames received so far, _MOST_FRAMES at most."""
         return self._port.receive(_MOST_FRAMES, 0.0)
 
@@ -58,11 +58,11 @@ class UsbLine:
         self._link = link
         self._reader = UsbReader()
 
-    def send(self, frame: Frame) -> None:
+    def send(self, frame: CanFrame) -> None:
         """Send a frame in a packet of the maker."""
         self._link.write(packet(frame))
 
-    def receive(self) -> list[Frame]:
+    def receive(self) -> list[CanFrame]:
         """Return the frames that the received bytes complete."""
         return self._reader.feed(self._link.read(_CHUNK, 0.0))
 
@@ -72,6 +72,6 @@ class UsbLine:
         return self._reader.damaged
 
 
-def line_over(port: Port) -> Line:
+def line_over(port: Port) -> RmpLine:
     """Return the line for a port: plain frames over CAN, the maker's packets over a byte link."""
     return CanLine(port) if isinstance(port, CanPort) else UsbLine(byte_link(port))

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from urbihw.buses.can.frame import Frame
+from urbihw.buses.can.frame import CanFrame
 from urbihw.platforms.segway import protocol as p
 
 SETTLING = 0.25
@@ -88,7 +88,7 @@ class Monitor:
         self.mode: int | None = None
         self._switched = ""
 
-    def add_frame(self, frame: Frame, now: float) -> None:
+    def add_frame(self, frame: CanFrame, now: float) -> None:
         """Process a frame; unknown frames are ignored."""
         identifier = frame.id
         if identifier == p.SHUTDOWN:
@@ -179,7 +179,7 @@ class Monitor:
 
     # ---------------------------------------------------------------- cycles
 
-    def _add(self, frame: Frame, values: dict[str, int], now: float) -> None:
+    def _add(self, frame: CanFrame, values: dict[str, int], now: float) -> None:
         """Add a frame to the cycle; a frame whose number is not above the last begins a new cycle."""
         identifier, last = frame.id, self._last
         self._last = identifier

@@ -10,12 +10,12 @@ from collections.abc import Hashable
 from typing import Final, Protocol
 
 from urbihw.kernel.uobject import Origin
-from urbihw.navigation.drive import Limits
+from urbihw.navigation.drive import DriveLimits
 from urbihw.navigation.frames import Point
 from urbihw.navigation.navigator import Navigator
 from urbihw.navigation.odometry import Odometry
 from urbihw.platforms.limits import DeviceLimits
-from urbihw.platforms.segway.options import Options
+from urbihw.platforms.segway.options import SegwayOptions
 from urbihw.platforms.segway.rmp import BASE, RMP
 
 BRAKING: Final = 0.5
@@ -36,10 +36,10 @@ class SegwayPlanner(Navigator):
     slot_name = "segway.planner"
 
 
-class Carriage(Protocol):
+class SegwayCarriage(Protocol):
     """The part of the robot that the planner uses."""
 
-    options: Options
+    options: SegwayOptions
 
     def set_target(self, item: str, counts: int, origin: Origin) -> None:
         """Send a speed with the next command."""
@@ -55,13 +55,13 @@ class SegwayWheels:
 
     devices: tuple[Hashable, ...] = (BASE,)
 
-    def __init__(self, robot: Carriage, rmp: RMP) -> None:
+    def __init__(self, robot: SegwayCarriage, rmp: RMP) -> None:
         """``rmp`` has the counters and the coefficients."""
         self.rmp = rmp
         self._robot = robot
 
     @property
-    def navigation(self) -> Options:
+    def navigation(self) -> SegwayOptions:
         """The settings."""
         return self._robot.options
 
@@ -78,7 +78,7 @@ class SegwayWheels:
         if off := self.rmp.explain_off():
             raise ValueError(off)
 
-    def update_limits(self, limits: Limits) -> None:
+    def update_limits(self, limits: DriveLimits) -> None:
         """Set the limits by the ranges of the slots and the limits of the settings."""
         rmp, settings = self.rmp, self._robot.base_limits()
         scale = max(LEAST_SCALE, float(rmp.accelerationScale.sensed))

@@ -13,7 +13,7 @@ MODELS: Final = ("50", "100", "200", "400")
 
 
 @dataclass(frozen=True)
-class Options(DrivenBaseOptions):
+class SegwayOptions(DrivenBaseOptions):
     """The options, beside those of navigation.
 
     Attributes:

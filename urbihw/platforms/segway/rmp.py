@@ -78,7 +78,7 @@ _UNKNOWN_FAULT: Final = "not known: the base does not send its status"
 _NAMED: Final = {"mode": p.MODES, "gain": p.GAINS}
 
 
-class Base(Protocol):
+class RmpBase(Protocol):
     """The part of the robot that an RMP uses."""
 
     settings: dict[str, int]
@@ -153,7 +153,7 @@ class RMP(EffectorDevice):
     lockout = owned(False)
     faulted = event()
 
-    def attach(self, base: Base, period: float) -> None:
+    def attach(self, base: RmpBase, period: float) -> None:
         """Join a base and show it every ``period`` seconds; called once, by ``init`` in ``usegway.u``."""
         self._base = base
         self.period.sense(period)

@@ -22,7 +22,7 @@ from urbihw.platforms.limits import DeviceLimits
 from urbihw.platforms.segway import words
 from urbihw.platforms.segway.driver import BASE, FASTEST, SLOWEST
 from urbihw.platforms.segway.navigation import SegwayOdometry, SegwayPlanner, SegwayWheels
-from urbihw.platforms.segway.options import Options
+from urbihw.platforms.segway.options import SegwayOptions
 from urbihw.platforms.segway.rmp import RMP
 
 DEAD_MAN: Final = 0.4
@@ -58,7 +58,7 @@ class Segway(WiredRobot):
         super().init()
         self.settings: dict[str, int] = {}
         self._members: weakref.WeakSet[RMP] = weakref.WeakSet()
-        self.options = Options()
+        self.options = SegwayOptions()
         self._wanted: RobotSettings
         self._pilot: Pilot | None = None
         self._laser: BaseLaser | None = None
@@ -72,7 +72,7 @@ class Segway(WiredRobot):
         """Start the worker at a safe rate and dead-man time."""
         self._wanted = _safe(settings)
         super().open(self._wanted, opened)
-        self.options = Options.of(settings.options)
+        self.options = SegwayOptions.of(settings.options)
         self.rmpModel.sense(self.options.model)
         self.identify(model=f"{self.model_name} {self.options.model}")
         self.channel.watch(BASE, (), 1 / self._wanted.rate)
@@ -81,7 +81,7 @@ class Segway(WiredRobot):
         """Apply new settings; the rate remains the one that the RMPs requested."""
         self._wanted = replace(_safe(settings), rate=self._wanted.rate)
         super().configure(self._wanted)
-        self.options = Options.of(settings.options)
+        self.options = SegwayOptions.of(settings.options)
 
     def close(self) -> None:
         """Close the laser, then the base."""
@@ -222,7 +222,7 @@ class Segway(WiredRobot):
         """Return False: ``open`` is answered when the tree is built."""
         return False
 
-    def on_happened(self, message: m.Happened) -> None:
+    def on_happened(self, message: m.DeviceReport) -> None:
         """Report another commander on the bus and a channel that fails or is back; after a restart of the base, send
         its settings again."""
         if message.what == "channel":

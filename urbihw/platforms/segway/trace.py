@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from urbihw.buses.trace import Chunk, Cut, Decoder, Direction, FrameDecoder, Packet, StreamDecoder, hex_of
+from urbihw.buses.trace import Chunk, Cut, Direction, FrameDecoder, StreamDecoder, TraceDecoder, TracedPacket, hex_of
 from urbihw.platforms.segway import protocol, usb
 
 _HEAD: Final = 0xF0
@@ -19,10 +19,10 @@ _CONFIGURATIONS: Final = {number: name for name, (number, _) in protocol.CONFIGU
 class CanDecoder(FrameDecoder):
     """Decodes frames of the CAN bus."""
 
-    def decode(self, time: float, direction: Direction, identifier: int, data: bytes) -> Packet:
+    def decode(self, time: float, direction: Direction, identifier: int, data: bytes) -> TracedPacket:
         """Return the packet of a frame."""
         what, detail, problem = _content(identifier, data)
-        return Packet(time, direction, "", what, detail, "ok", problem, identifier.to_bytes(2, "big") + data)
+        return TracedPacket(time, direction, "", what, detail, "ok", problem, identifier.to_bytes(2, "big") + data)
 
 
 class UsbDecoder(StreamDecoder):
@@ -37,31 +37,31 @@ class UsbDecoder(StreamDecoder):
             return Cut(1, noise=True)
         return Cut(usb.SIZE) if len(data) >= usb.SIZE else None
 
-    def decode(self, time: float, direction: Direction, data: bytes) -> list[Packet]:
+    def decode(self, time: float, direction: Direction, data: bytes) -> list[TracedPacket]:
         """Return the packet."""
         if not usb.is_intact(data):
-            return [Packet(time, direction, "", "?", hex_of(data), "bad", "the checksum is wrong", data)]
+            return [TracedPacket(time, direction, "", "?", hex_of(data), "bad", "the checksum is wrong", data)]
         own = data[2] in (0xAA, _CHANNEL_B)
         identifier = (data[4] << 3 | data[5] >> 5) if own else data[6] << 8 | data[7]
         what, detail, problem = _content(identifier, data[9:17])
         if data[2] == _CHANNEL_B:
             what += " (channel B)"
-        return [Packet(time, direction, "", what, detail, "ok", problem, data)]
+        return [TracedPacket(time, direction, "", what, detail, "ok", problem, data)]
 
 
-class SegwayDecoder(Decoder):
+class SegwayDecoder(TraceDecoder):
     """Decodes either: the first bytes tell which."""
 
     def __init__(self) -> None:
-        self._inner: Decoder | None = None
+        self._inner: TraceDecoder | None = None
 
-    def feed(self, chunk: Chunk) -> list[Packet]:
+    def feed(self, chunk: Chunk) -> list[TracedPacket]:
         """Return the packets that this chunk completes."""
         if self._inner is None and chunk.data:
             self._inner = CanDecoder() if chunk.data[0] < 0x08 else UsbDecoder()
         return self._inner.feed(chunk) if self._inner is not None else []
 
-    def flush(self) -> list[Packet]:
+    def flush(self) -> list[TracedPacket]:
         """Return what is left."""
         return self._inner.flush() if self._inner is not None else []
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from urbihw.buses.can.frame import STANDARD_IDS, Frame
+from urbihw.buses.can.frame import STANDARD_IDS, CanFrame
 
 BAUD: Final = 460_800
 SIZE: Final = 18
@@ -21,7 +21,7 @@ _KEPT = 16 * SIZE
 """Maximum bytes of garbage that are scanned again with the next data."""
 
 
-def packet(frame: Frame) -> bytes:
+def packet(frame: CanFrame) -> bytes:
     """Return the packet of a frame of the host."""
     body = _HEAD + bytes(4) + frame.id.to_bytes(2, "big") + b"\0" + frame.data.ljust(8, b"\0")
     return body + bytes([_sum(body)])
@@ -45,10 +45,10 @@ class UsbReader:
         self._lost = False
         self._skipped = 0
 
-    def feed(self, data: bytes) -> list[Frame]:
+    def feed(self, data: bytes) -> list[CanFrame]:
         """Return the frames of channel A that these bytes complete."""
         data = self._rest + data
-        frames: list[Frame] = []
+        frames: list[CanFrame] = []
         start, end = 0, len(data)
         while end - start >= SIZE:
             if data[start] == _HEAD[0] and _sum(data[start : start + SIZE - 1]) == data[start + SIZE - 1]:
@@ -69,10 +69,10 @@ class UsbReader:
         self._rest = data[start:][-_KEPT:]
         return frames
 
-    def _parse_packet(self, packet: bytes, frames: list[Frame]) -> None:
+    def _parse_packet(self, packet: bytes, frames: list[CanFrame]) -> None:
         # Byte 1 is 0 in the heartbeat of older firmware.
         if packet[1] == _HEAD[1] and packet[2] == _CHANNEL_A:
-            frames.append(Frame((packet[4] << 3 | packet[5] >> 5) % STANDARD_IDS, packet[9:17]))
+            frames.append(CanFrame((packet[4] << 3 | packet[5] >> 5) % STANDARD_IDS, packet[9:17]))
 
 
 def _sum(body: bytes) -> int:

@@ -10,14 +10,14 @@ from urbihw.buses.servos.status import state_words
 from urbihw.buses.servos.stop import PRESENT_POSITION
 from urbihw.kernel.uobject import UVar
 from urbihw.platforms.servos.devices import ChangeHandler
-from urbihw.platforms.servos.motors import Servo, Step, makes_wheel
-from urbihw.platforms.servos.slots import Slot
+from urbihw.platforms.servos.motors import ServoMotor, Step, makes_wheel
+from urbihw.platforms.servos.slots import RegisterSlot
 
 _SLOWEST: Final = 1
 """Counts of moving_speed: 0.1 rpm of a joint, 0.1 % of the drive of a wheel."""
 
 
-class AngleLimitServo(Servo):
+class AngleLimitServo(ServoMotor):
     """A servo whose angle limits, both 0, make it a wheel."""
 
     limits = ("cw_angle_limit", "ccw_angle_limit")
@@ -72,7 +72,7 @@ class AngleLimitServo(Servo):
         item = self.table.item("moving_speed")
         return units.to_si(item, raw, True) * self.wheel_unit(item) * self.frame.direction
 
-    def speed_handler(self, row: Slot, var: UVar) -> ChangeHandler:
+    def speed_handler(self, row: RegisterSlot, var: UVar) -> ChangeHandler:
         """The present speed of the wheel of an AX is a share of full drive, too."""
         item, direction = self.table.item(row.item), self.frame.direction
         full = self.wheel_unit(item)

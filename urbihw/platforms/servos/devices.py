@@ -13,24 +13,24 @@ from typing import ClassVar, Final
 from urbihw.buses.messages import Reply
 from urbihw.buses.servos import units
 from urbihw.buses.servos.device import DeviceInfo
-from urbihw.buses.servos.item import Table
+from urbihw.buses.servos.item import ControlTable
 from urbihw.buses.servos.tables import table_for
 from urbihw.kernel.uobject import UObject, UVar, event, function, number, reading, set_range
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.devicelog import DeviceLog
 from urbihw.platforms.servos import words
-from urbihw.platforms.servos.slots import Facts, Kind, Slot, facts_of, rows_of
+from urbihw.platforms.servos.slots import Facts, Kind, RegisterSlot, facts_of, rows_of
 
 ChangeHandler = Callable[[int, float], None]
 """Called with the new raw count of a register and its time."""
-Refused = Callable[["Device", str, str], None]
+Refused = Callable[["ServoBusDevice", str, str], None]
 """Called for a write that the device refused: device, slot, reason."""
 WRITE_LATENCY_S: Final = 0.25
 """Seconds after an unconfirmed write in which a reading with another value is taken for an older one."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Wanted:
+class PendingWrite:
     """A write whose result is not known yet: its value, the value before it, and when a reading must show it."""
 
     raw: int
@@ -38,7 +38,7 @@ class Wanted:
     until: float
 
 
-class Device(UObject):
+class ServoBusDevice(UObject):
     """A servo or a sensor.  ``state`` is "ok", "suspect", "lost" or "back"; ``stale``: the values are old."""
 
     slot_words = words.DEVICE
@@ -55,8 +55,8 @@ class Device(UObject):
     lost = event()
     back = event()
 
-    table: Table
-    rows: tuple[Slot, ...] = ()
+    table: ControlTable
+    rows: tuple[RegisterSlot, ...] = ()
     """Its slots; () for those that its control table has of all slots of servos."""
     hidden: tuple[tuple[str, float], ...] = ()
     """Registers that are read but are no slots, and the seconds between readings."""
@@ -73,7 +73,7 @@ class Device(UObject):
         self.facts: Facts = facts_of(info.name)
         self.protocol = info.protocol
         self.raw: dict[str, int] = {}
-        self._wanted: dict[str, Wanted] = {}
+        self._wanted: dict[str, PendingWrite] = {}
         self._values: Mapping[str, int] = {}
         self._stamp = self.host.now()
         self._read_at: dict[str, float] = {}
@@ -92,7 +92,7 @@ class Device(UObject):
         self.start_reading()
 
     @staticmethod
-    def table_for(info: DeviceInfo) -> Table:
+    def table_for(info: DeviceInfo) -> ControlTable:
         """Return the control table of a device; of an unknown model, what all models of its protocol share."""
         return table_for(info.model, info.protocol)
 
@@ -106,7 +106,7 @@ class Device(UObject):
 
     # ---------------------------------------------------------------- slots
 
-    def _bind_slot(self, row: Slot) -> None:
+    def _bind_slot(self, row: RegisterSlot) -> None:
         var = self.bind_var(row.name, math.nan, owned=True, writable=row.kind is not Kind.READ)
         item = self.table.item(row.item)
         fraction = row.view.unit and not self.facts.is_known
@@ -127,7 +127,7 @@ class Device(UObject):
         }[row.kind]
         self.notify_change(var, lambda: act(row, self.raw_of(row, number(var))))
 
-    def change_handler(self, row: Slot, var: UVar) -> ChangeHandler:
+    def change_handler(self, row: RegisterSlot, var: UVar) -> ChangeHandler:
         """Return the handler that shows a changed register in the slot of a row; override for rows of kind OWN."""
         convert, show, facts = units.unit_of(self.table.item(row.item)).to_si, row.view.show, self.facts
 
@@ -140,30 +140,30 @@ class Device(UObject):
         """Call ``handler(raw, stamp)`` whenever a register changed."""
         self._handlers.setdefault(item, []).append(handler)
 
-    def _shown(self, row: Slot, si: float) -> float:
+    def _shown(self, row: RegisterSlot, si: float) -> float:
         return float(row.view.show(si, self.facts))
 
-    def raw_of(self, row: Slot, value: float) -> int:
+    def raw_of(self, row: RegisterSlot, value: float) -> int:
         """Return the raw count for a value of a slot.  Raises BadValue."""
         return units.from_si(self.table.item(row.item), row.view.to_si(value, self.facts))
 
     # ---------------------------------------------------------------- writing
 
-    def write_setting(self, row: Slot, raw: int) -> None:
+    def write_setting(self, row: RegisterSlot, raw: int) -> None:
         """Write a setting with the next tick; override to refuse."""
         self.settings[row.item] = raw
         self.show_wanted(row.item, raw)
         self.channel.set_target(self.number, row.item, raw)
 
-    def _write_setting_confirmed(self, row: Slot, raw: int) -> None:
+    def _write_setting_confirmed(self, row: RegisterSlot, raw: int) -> None:
         self.settings[row.item] = raw
         self._write_slot(row, raw)
 
-    def _write_if_changed(self, row: Slot, raw: int) -> None:
+    def _write_if_changed(self, row: RegisterSlot, raw: int) -> None:
         if self.raw.get(row.item) != raw:
             self._write_slot(row, raw)
 
-    def _write_slot(self, row: Slot, raw: int) -> None:
+    def _write_slot(self, row: RegisterSlot, raw: int) -> None:
         self.write(row.item, raw, row.name)
 
     def write(self, item: str, raw: int, slot: str, done: Callable[[bool], None] = lambda ok: None) -> None:
@@ -192,15 +192,15 @@ class Device(UObject):
 
         self.channel.write(self.number, item, raw, replied)
 
-    def show_wanted(self, item: str, raw: int) -> Wanted:
+    def show_wanted(self, item: str, raw: int) -> PendingWrite:
         """Show the value of a write at once, and until its result is known, or until a reading must have it."""
         old = self._wanted.get(item)
         before = self.raw.get(item) if old is None else old.before
-        made = self._wanted[item] = Wanted(raw, before, self.host.now() + WRITE_LATENCY_S)
+        made = self._wanted[item] = PendingWrite(raw, before, self.host.now() + WRITE_LATENCY_S)
         self._show(item, raw, self.host.now())
         return made
 
-    def _end_write(self, item: str, wanted: Wanted, raw: int | None) -> None:
+    def _end_write(self, item: str, wanted: PendingWrite, raw: int | None) -> None:
         """Show the value that the device has told, None if it has not answered; a later write is shown instead."""
         if self._wanted.get(item) is not wanted:
             return

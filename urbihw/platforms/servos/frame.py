@@ -16,7 +16,7 @@ _PLACES: Final = frozenset({"val"})
 
 
 @dataclass(frozen=True)
-class Frame:
+class JointFrame:
     """The joint's position is ``direction`` * position of the servo + ``shift``; speeds and torques are turned only.
 
     Attributes:
@@ -60,7 +60,7 @@ class Frame:
 
 def frame_of(
     place: Item, settings: tuple[str, DeviceSettings] | None, calibration: tuple[str, JointCalibration] | None
-) -> Frame:
+) -> JointFrame:
     """Return the frame of a servo.
 
     ``place`` is its register of the present position, ``settings`` its name and row of ``[devices]``, ``calibration``
@@ -84,4 +84,4 @@ def frame_of(
         low, high, groups = low + own.offset, high + own.offset, own.groups
         if own.limits != (-math.inf, math.inf):
             (low, high), limit = own.limits, f"devices.{name}.limits"
-    return Frame(direction, shift, low, high, limit, name, groups)
+    return JointFrame(direction, shift, low, high, limit, name, groups)

@@ -7,19 +7,19 @@ from functools import partial
 from urbihw.buses.servos import units
 from urbihw.kernel.uobject import UVar
 from urbihw.platforms.servos.devices import ChangeHandler
-from urbihw.platforms.servos.frame import Frame
+from urbihw.platforms.servos.frame import JointFrame
 from urbihw.platforms.servos.registers import RegisterDevice
-from urbihw.platforms.servos.slots import Slot
+from urbihw.platforms.servos.slots import RegisterSlot
 
 
 class Joint(RegisterDevice):
     """A device with a frame, which is set before ``init``."""
 
-    frame: Frame
+    frame: JointFrame
     limits: tuple[str, str]
     """The registers of cwLimit and ccwLimit."""
 
-    def raw_of(self, row: Slot, value: float) -> int:
+    def raw_of(self, row: RegisterSlot, value: float) -> int:
         """Return the raw count for a value of a slot, in the frame of the joint.  Raises BadValue."""
         return super().raw_of(row, self.frame.wanted(row.name, value))
 
@@ -47,7 +47,7 @@ class Joint(RegisterDevice):
         low, high = sorted((self.frame.joint(least), self.frame.joint(most)))
         return low, high
 
-    def framed_handler(self, row: Slot, var: UVar) -> ChangeHandler:
+    def framed_handler(self, row: RegisterSlot, var: UVar) -> ChangeHandler:
         """Return the handler that shows a changed register in the frame of the joint."""
         if self.frame.is_plain:
             return super().change_handler(row, var)

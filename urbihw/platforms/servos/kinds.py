@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from urbihw.buses.servos.item import Table
+from urbihw.buses.servos.item import ControlTable
 from urbihw.platforms.servos.anglelimits import AngleLimitServo
-from urbihw.platforms.servos.devices import Device
+from urbihw.platforms.servos.devices import ServoBusDevice
 from urbihw.platforms.servos.modeservo import ModeServo
 from urbihw.platforms.servos.otherdevice import OtherDevice
 
 
-def class_for(table: Table) -> type[Device]:
+def class_for(table: ControlTable) -> type[ServoBusDevice]:
     """Return the class for a control table: how the mode is selected tells the servos apart."""
     if not table.has_motor:
         return OtherDevice

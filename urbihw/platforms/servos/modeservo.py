@@ -14,15 +14,15 @@ from urbihw.buses.messages import Reply
 from urbihw.buses.servos import units
 from urbihw.buses.servos.device import DeviceInfo
 from urbihw.buses.servos.item import Mode
-from urbihw.buses.servos.item import Motion as ModeMotion
+from urbihw.buses.servos.item import ShaftMotion as ModeMotion
 from urbihw.buses.servos.status import state_words
 from urbihw.buses.servos.stop import PRESENT_POSITION
 from urbihw.kernel.uobject import Effector, Motion, Origin, function, number, set_range
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.servos import slots
 from urbihw.platforms.servos.devices import Refused
-from urbihw.platforms.servos.frame import Frame
-from urbihw.platforms.servos.motors import Servo, Step, makes_wheel
+from urbihw.platforms.servos.frame import JointFrame
+from urbihw.platforms.servos.motors import ServoMotor, Step, makes_wheel
 
 _REBOOT_S = 1.0
 """Seconds to wait for the restart of a servo; it takes about 0.3."""
@@ -34,11 +34,11 @@ _JOINT_SPEEDS: Final = ("profile_velocity", "moving_speed", "goal_speed", "goal_
 _LIMITS: Final = (("min_position_limit", "max_position_limit"), ("cw_angle_limit", "ccw_angle_limit"))
 
 
-class ModeServo(Servo):
+class ModeServo(ServoMotor):
     """A servo whose operating mode is a register; mode and limits can be written while the torque is off only."""
 
     def init(  # type: ignore[override]
-        self, channel: DeviceChannel, info: DeviceInfo, refused: Refused, motion: Motion, frame: Frame
+        self, channel: DeviceChannel, info: DeviceInfo, refused: Refused, motion: Motion, frame: JointFrame
     ) -> None:
         """Choose its registers: families differ in their names."""
         table = self.table_for(info)
@@ -160,7 +160,7 @@ class ModeServo(Servo):
 
     # ---------------------------------------------------------------- efforts
 
-    def _bind_effort(self, row: slots.Slot) -> None:
+    def _bind_effort(self, row: slots.RegisterSlot) -> None:
         var = self.variables[row.name]
         self._effort_guards[row.name] = self.guard(self.motion, self.number, var)
         self.notify_change(var, partial(self._accept_effort, row.name))
@@ -217,7 +217,7 @@ class ModeServo(Servo):
             if item in self._dual_items and not self._drives(item):
                 self.channel.set_target(self.number, item, raw)
 
-    def write_setting(self, row: slots.Slot, raw: int) -> None:
+    def write_setting(self, row: slots.RegisterSlot, raw: int) -> None:
         """Refuse the torque limit in the mode "pwm", where its register drives the servo."""
         if row.name == "torqueLimit" and self._drives(row.item):
             raise ValueError(f"in this mode it drives the servo: write goalPwm of motor{self.number}")

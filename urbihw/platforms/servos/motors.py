@@ -23,17 +23,17 @@ from urbihw.buses.messages import Reply
 from urbihw.buses.servos import units
 from urbihw.buses.servos.device import DeviceInfo
 from urbihw.buses.servos.item import Item, Mode
-from urbihw.buses.servos.item import Motion as ModeMotion
+from urbihw.buses.servos.item import ShaftMotion as ModeMotion
 from urbihw.kernel.uobject import EffectorDevice, Motion, Origin, UVar, number, owned, reading, set_range
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.hooks import LimitNamer, LimitTable
 from urbihw.platforms.limits import DeviceLimits, whole_counts
 from urbihw.platforms.servos import words
 from urbihw.platforms.servos.devices import ChangeHandler, Refused
-from urbihw.platforms.servos.frame import Frame
+from urbihw.platforms.servos.frame import JointFrame
 from urbihw.platforms.servos.joint import Joint
 from urbihw.platforms.servos.servolimits import ServoLimits
-from urbihw.platforms.servos.slots import Slot
+from urbihw.platforms.servos.slots import RegisterSlot
 
 _PROBE_COUNTS: Final = 1000  # converted to rad/s, they give the scale of a register
 _MODE_WORDS: Final = {"joint": "position", "wheel": "velocity"}
@@ -44,7 +44,7 @@ Step = tuple[str, Any]
 """One write of a change of mode: item and raw count, or ``PRESENT_POSITION``."""
 
 
-class Servo(Joint, EffectorDevice):
+class ServoMotor(Joint, EffectorDevice):
     """The base of the kinds of servos: how its mode is selected tells them apart."""
 
     slot_words = words.SERVO
@@ -56,7 +56,7 @@ class Servo(Joint, EffectorDevice):
 
     goal: ClassVar[str] = "goal_position"
     def init(  # type: ignore[override]
-        self, channel: DeviceChannel, info: DeviceInfo, refused: Refused, motion: Motion, frame: Frame
+        self, channel: DeviceChannel, info: DeviceInfo, refused: Refused, motion: Motion, frame: JointFrame
     ) -> None:
         """``motion`` is who may move the robot, ``frame`` the joint that the servo is."""
         self.motion = motion
@@ -114,7 +114,7 @@ class Servo(Joint, EffectorDevice):
 
     # ---------------------------------------------------------------- val
 
-    def change_handler(self, row: Slot, var: UVar) -> ChangeHandler:
+    def change_handler(self, row: RegisterSlot, var: UVar) -> ChangeHandler:
         """Return the handlers of the slots that depend on several registers or on the mode."""
         if row.name == "speed":
             return self.speed_handler(row, var)
@@ -124,7 +124,7 @@ class Servo(Joint, EffectorDevice):
             return lambda raw, stamp: None
         return self.framed_handler(row, var)
 
-    def speed_handler(self, row: Slot, var: UVar) -> ChangeHandler:
+    def speed_handler(self, row: RegisterSlot, var: UVar) -> ChangeHandler:
         """Return the handler of the present speed; override where it depends on the mode."""
         return self.framed_handler(row, var)
 
@@ -216,7 +216,7 @@ class Servo(Joint, EffectorDevice):
         """The worker has switched it off; it stays off until ``load`` is written."""
         self._off = True
 
-    def _max_torque_count(self, row: Slot, torque: float) -> int:
+    def _max_torque_count(self, row: RegisterSlot, torque: float) -> int:
         """The largest count of the torque limit that is no more than a torque in N m."""
         item = self.table.item(row.item)
         share = min(row.view.to_si(torque, self.facts), units.limits_si(item)[1])
@@ -232,7 +232,7 @@ class Servo(Joint, EffectorDevice):
             raw = int(message.applied)
             self.limit_applied(self.speed_of(raw), message.limit)
 
-    def find_row(self, slot: str) -> Slot | None:
+    def find_row(self, slot: str) -> RegisterSlot | None:
         """The row of a slot, None if it has none."""
         return next((row for row in self.rows if row.name == slot), None)
 

@@ -8,14 +8,14 @@ from typing import Any, Final
 
 from urbihw.buses.servos import calibration
 from urbihw.buses.servos.calibration import BadCalibration
-from urbihw.buses.servos.options import Options
+from urbihw.buses.servos.options import ServoBusOptions
 from urbihw.settings import TEXT, Mistake, setting
 
 CALIBRATION: Final = "calibration"
 
 
 @dataclass(frozen=True)
-class ServoOptions(Options):
+class ServoOptions(ServoBusOptions):
     """The options of the platform.
 
     Attributes:

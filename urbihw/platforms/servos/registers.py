@@ -13,10 +13,10 @@ from urbihw.buses.servos.plan import TORQUE
 from urbihw.kernel.uobject import Motion, event, function
 from urbihw.platforms.channel import Done
 from urbihw.platforms.servos import words
-from urbihw.platforms.servos.devices import Device
+from urbihw.platforms.servos.devices import ServoBusDevice
 
 
-class RegisterDevice(Device):
+class RegisterDevice(ServoBusDevice):
     """A device with its registers; ``motion`` is set by the robot."""
 
     slot_words = words.REGISTERS

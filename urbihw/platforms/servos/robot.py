@@ -17,9 +17,9 @@ from urbihw.platforms.devicelog import BACK, LOST, DeviceEvent
 from urbihw.platforms.expected import DeviceSettings
 from urbihw.platforms.hooks import LimitedDevice
 from urbihw.platforms.servos import words
-from urbihw.platforms.servos.devices import Device
-from urbihw.platforms.servos.frame import Frame, frame_of
-from urbihw.platforms.servos.motors import Servo
+from urbihw.platforms.servos.devices import ServoBusDevice
+from urbihw.platforms.servos.frame import JointFrame, frame_of
+from urbihw.platforms.servos.motors import ServoMotor
 from urbihw.platforms.servos.options import CALIBRATION, for_driver
 from urbihw.platforms.servos.registers import RegisterDevice
 from urbihw.platforms.teach.robot import MotionRobot
@@ -57,7 +57,7 @@ class Devices(UObject):
     def init(self, what: str = "device") -> None:
         """``what`` is the word for one of them in messages."""
         self._what = what
-        self.members: dict[int, Device] = {}
+        self.members: dict[int, ServoBusDevice] = {}
         self.bind_function(self.get, "[]")
         self.bind_function(self.has)
         self.bind_function(self.keys)
@@ -65,7 +65,7 @@ class Devices(UObject):
         self.bind_function(self.size)
         self.bind_function(self.empty)
 
-    def get(self, id: int) -> Device:
+    def get(self, id: int) -> ServoBusDevice:
         """The device with this number."""
         if id not in self.members:
             known = ", ".join(map(str, sorted(self.members))) or "none"
@@ -80,7 +80,7 @@ class Devices(UObject):
         """The numbers, in order."""
         return [float(number) for number in sorted(self.members)]
 
-    def as_list(self) -> list[Device]:
+    def as_list(self) -> list[ServoBusDevice]:
         """The devices, in order of their numbers."""
         return [self.members[number] for number in sorted(self.members)]
 
@@ -119,16 +119,16 @@ class ServoRobot(MotionRobot):
     def init(self) -> None:
         """Called by ``new``; nothing happens before ``open``."""
         super().init()
-        self.devices: dict[int, Device] = {}
+        self.devices: dict[int, ServoBusDevice] = {}
         self.tables: dict[str, Devices] = {}
         self._infos: dict[int, DeviceInfo] = {}
         self._missing: dict[int, None] = {}
-        self._new: list[Device] = []
+        self._new: list[ServoBusDevice] = []
         self._is_built = False
         self._named: dict[int, tuple[str, DeviceSettings]] = {}
         self._calibrated: dict[int, tuple[str, JointCalibration]] = {}
 
-    def class_of(self, info: DeviceInfo) -> type[Device] | None:
+    def class_of(self, info: DeviceInfo) -> type[ServoBusDevice] | None:
         """Return the class for a device that was found, None to leave it alone; override."""
         raise NotImplementedError
 
@@ -181,8 +181,8 @@ class ServoRobot(MotionRobot):
         """Log that a group of the settings is not made, because a program has a slot of Global of its name."""
         self.log.warning("there is no group %s: a program has given that name to something else", name)
 
-    def _frame_of(self, info: DeviceInfo) -> Frame:
-        place = Servo.table_for(info).item("present_position")
+    def _frame_of(self, info: DeviceInfo) -> JointFrame:
+        place = ServoMotor.table_for(info).item("present_position")
         return frame_of(place, self._named.get(info.id), self._calibrated.get(info.id))
 
     def _set_period(self, rate: float) -> None:
@@ -216,14 +216,14 @@ class ServoRobot(MotionRobot):
     def joint_position(self, number: int, position: float) -> float:
         """See ``MotionRobot``: in the frame of the joint."""
         servo = self.devices.get(number)
-        return servo.frame.joint(position) if isinstance(servo, Servo) else position
+        return servo.frame.joint(position) if isinstance(servo, ServoMotor) else position
 
     @function("jointGroups")
     def joint_groups(self) -> list[list[Any]]:
         """The groups of the settings: the name and the joints of each, in order of their numbers."""
-        groups: dict[str, list[Device]] = {}
+        groups: dict[str, list[ServoBusDevice]] = {}
         for _, device in sorted(self.devices.items()):
-            for name in device.frame.groups if isinstance(device, Servo) else ():
+            for name in device.frame.groups if isinstance(device, ServoMotor) else ():
                 groups.setdefault(name, []).append(device)
         return [[name, joints] for name, joints in groups.items()]
 
@@ -256,10 +256,10 @@ class ServoRobot(MotionRobot):
         scale = self._wheel_scale(device, item)
         return signed if scale is None else scale[0].speed_target(signed / scale[1], True)[1]
 
-    def _wheel_scale(self, device: Any, item: str) -> tuple[Servo, float] | None:
+    def _wheel_scale(self, device: Any, item: str) -> tuple[ServoMotor, float] | None:
         """The servo, and its counts for 1 rad/s, of a target that is the speed of a wheel; None for others."""
         servo = self.devices.get(device)
-        if not isinstance(servo, Servo) or not servo.wheel.sensed:
+        if not isinstance(servo, ServoMotor) or not servo.wheel.sensed:
             return None
         speed, scale = servo.wheel_scale()
         return (servo, scale) if item == speed else None
@@ -297,7 +297,7 @@ class ServoRobot(MotionRobot):
         if self.opening:
             self.wait_for_readings()
 
-    def on_gone(self, message: m.Gone) -> None:
+    def on_gone(self, message: m.GuestsGone) -> None:
         """Take the devices of another robot out of the tables; a program that has one finds it lost."""
         for number in message.devices:
             device = self.devices.get(number)
@@ -317,23 +317,23 @@ class ServoRobot(MotionRobot):
 
     def has_limits(self) -> bool:
         """Joints may have a range by ``[devices]`` or by their calibration."""
-        ranges = (device.frame.limit for device in self.devices.values() if isinstance(device, Servo))
+        ranges = (device.frame.limit for device in self.devices.values() if isinstance(device, ServoMotor))
         return super().has_limits() or any(ranges)
 
     def limited_devices(self) -> Mapping[str, LimitedDevice]:
         """Return the servos as ``motor1`` to ``motorN``."""
-        return {f"motor{number}": each for number, each in self.devices.items() if isinstance(each, Servo)}
+        return {f"motor{number}": each for number, each in self.devices.items() if isinstance(each, ServoMotor)}
 
     def joint_names(self) -> Mapping[str, str]:
         """Return the joints of the settings, or of the arm, by their names."""
-        servos = ((number, each) for number, each in self.devices.items() if isinstance(each, Servo))
+        servos = ((number, each) for number, each in self.devices.items() if isinstance(each, ServoMotor))
         return {each.frame.name: f"motor{number}" for number, each in servos if each.frame.name}
 
     def on_threshold_crossed(self, message: m.ThresholdCrossed) -> None:
         """Also show the torque of a servo that a threshold has released as off."""
         super().on_threshold_crossed(message)
         device = self.devices.get(message.device)
-        if message.holds and message.passed and isinstance(device, Servo):
+        if message.holds and message.passed and isinstance(device, ServoMotor):
             device.mark_released()
 
     def _on_tree_built(self, problem: str) -> None:
@@ -370,13 +370,13 @@ class ServoRobot(MotionRobot):
         made = self.class_of(info)
         if made is None:
             return
-        joint = (self.motion, self._frame_of(info)) if issubclass(made, Servo) else ()
+        joint = (self.motion, self._frame_of(info)) if issubclass(made, ServoMotor) else ()
         name = f"{made.kind_of_device}{info.id}"
         device = self.host.create(made, name, self.channel, info, self._report_refused, *joint)
         device.log = self.log
         if isinstance(device, RegisterDevice):
             device.motion = self.motion
-        if isinstance(device, Servo):
+        if isinstance(device, ServoMotor):
             device.mode_changed = self.send_limits
         if self._missing.pop(info.id, 0) is None:
             self.missing.sense([float(number) for number in self._missing])
@@ -384,7 +384,7 @@ class ServoRobot(MotionRobot):
         self._infos[info.id] = info
         self._new.append(device)
 
-    def _has_known_registers(self, device: Device, info: DeviceInfo) -> bool:
+    def _has_known_registers(self, device: ServoBusDevice, info: DeviceInfo) -> bool:
         """Return whether a device that answers again has the registers of its object; another one is blocked."""
         blocked, before = self.channel.blocked, self._infos[info.id]
         name = f"{device.kind_of_device} {info.id}"
@@ -447,7 +447,7 @@ class ServoRobot(MotionRobot):
             self.log.log_event(BACK, f"{device.kind_of_device} {message.device}")
             self.back.emit(device)
 
-    def _report_refused(self, device: Device, slot: str, reason: str) -> None:
+    def _report_refused(self, device: ServoBusDevice, slot: str, reason: str) -> None:
         self.log.warning("%s %d: %s not written: %s", device.kind_of_device, device.number, slot, reason)
         self.refused.emit(device, slot, reason)
 

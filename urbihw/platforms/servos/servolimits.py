@@ -11,7 +11,7 @@ from urbihw.buses.servos import units
 from urbihw.buses.servos.item import Item
 from urbihw.platforms.hooks import LimitNamer
 from urbihw.platforms.limits import DeviceLimits, whole_counts
-from urbihw.platforms.servos.frame import Frame
+from urbihw.platforms.servos.frame import JointFrame
 
 TEMPERATURE_HYSTERESIS: Final = 5
 """Degrees Celsius below a threshold at which it is left again."""
@@ -30,7 +30,7 @@ class ServoLimits:
     limits: DeviceLimits
     named: LimitNamer
 
-    def joint_limits(self, goal: Item, frame: Frame) -> Table:
+    def joint_limits(self, goal: Item, frame: JointFrame) -> Table:
         """Return the position and rate limit of the goal; ``frame`` is that of the joint."""
         zero, step = units.to_si(goal, 0), units.to_si(goal, 1) - units.to_si(goal, 0)
         low, high = whole_counts(*sorted((frame.servo(value) - zero) / step for value in self.limits.position))

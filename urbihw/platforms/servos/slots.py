@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, Final
 
-from urbihw.buses.servos.item import Table
+from urbihw.buses.servos.item import ControlTable
 
 FAST: Final = 0.0
 """Seconds between readings: every tick."""
@@ -117,7 +117,7 @@ class Kind(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Slot:
+class RegisterSlot:
     """One row: the register ``item`` seen as the slot ``name``."""
 
     name: str
@@ -128,67 +128,67 @@ class Slot:
 
 
 COMMON: Final = (
-    Slot("voltage", "present_voltage", SLOW),
-    Slot("temperature", "present_temperature", SLOW),
-    Slot("temperatureLimit", "temperature_limit", RARE, Kind.KEPT),
-    Slot("minVoltage", "min_voltage_limit", RARE, Kind.KEPT),
-    Slot("maxVoltage", "max_voltage_limit", RARE, Kind.KEPT),
-    Slot("returnDelay", "return_delay_time", RARE, Kind.KEPT),
-    Slot("statusReturnLevel", "status_return_level", RARE),
-    Slot("baudRate", "baud_rate", RARE),
+    RegisterSlot("voltage", "present_voltage", SLOW),
+    RegisterSlot("temperature", "present_temperature", SLOW),
+    RegisterSlot("temperatureLimit", "temperature_limit", RARE, Kind.KEPT),
+    RegisterSlot("minVoltage", "min_voltage_limit", RARE, Kind.KEPT),
+    RegisterSlot("maxVoltage", "max_voltage_limit", RARE, Kind.KEPT),
+    RegisterSlot("returnDelay", "return_delay_time", RARE, Kind.KEPT),
+    RegisterSlot("statusReturnLevel", "status_return_level", RARE),
+    RegisterSlot("baudRate", "baud_rate", RARE),
 )
 """The slots of all devices."""
 
 SERVO: Final = (
     *COMMON,
-    Slot("val", "present_position", FAST, Kind.OWN),
-    Slot("moving", "moving", MEDIUM, view=FLAG),
-    Slot("led", "led", SLOW, Kind.SETTING),
-    Slot("load", "torque_enable", MEDIUM, Kind.OWN),
-    Slot("shutdown", "shutdown", RARE, Kind.KEPT),
-    Slot("alarmLed", "alarm_led", RARE, Kind.KEPT),
-    Slot("speed", "present_velocity", FAST, Kind.OWN),
-    Slot("speed", "present_speed", FAST, Kind.OWN),
-    Slot("torque", "present_load", FAST, view=TORQUE),
-    Slot("torque", "present_current", FAST, view=CURRENT_TORQUE),
-    Slot("current", "present_current", FAST),
-    Slot("cwLimit", "min_position_limit", RARE, Kind.OWN),
-    Slot("cwLimit", "cw_angle_limit", RARE, Kind.OWN),
-    Slot("ccwLimit", "max_position_limit", RARE, Kind.OWN),
-    Slot("ccwLimit", "ccw_angle_limit", RARE, Kind.OWN),
-    Slot("torqueLimit", "torque_limit", MEDIUM, Kind.ALWAYS, TORQUE),
-    Slot("torqueLimit", "goal_pwm", SLOW, Kind.SETTING, TORQUE),
-    Slot("maxTorque", "max_torque", RARE, Kind.KEPT, TORQUE),
-    Slot("maxTorque", "pwm_limit", RARE, Kind.KEPT, TORQUE),
-    Slot("cwComplianceMargin", "cw_compliance_margin", SLOW, Kind.SETTING),
-    Slot("ccwComplianceMargin", "ccw_compliance_margin", SLOW, Kind.SETTING),
-    Slot("cwComplianceSlope", "cw_compliance_slope", SLOW, Kind.SETTING),
-    Slot("ccwComplianceSlope", "ccw_compliance_slope", SLOW, Kind.SETTING),
-    Slot("punch", "punch", SLOW, Kind.SETTING, TORQUE),
-    Slot("goalCurrent", "goal_current", SLOW, Kind.OWN),
-    Slot("goalPwm", "goal_pwm", SLOW, Kind.OWN),
-    Slot("pGain", "position_p_gain", SLOW, Kind.SETTING),
-    Slot("pGain", "p_gain", SLOW, Kind.SETTING),
-    Slot("iGain", "position_i_gain", SLOW, Kind.SETTING),
-    Slot("iGain", "i_gain", SLOW, Kind.SETTING),
-    Slot("dGain", "position_d_gain", SLOW, Kind.SETTING),
-    Slot("dGain", "d_gain", SLOW, Kind.SETTING),
-    Slot("velocityPGain", "velocity_p_gain", SLOW, Kind.SETTING),
-    Slot("velocityIGain", "velocity_i_gain", SLOW, Kind.SETTING),
-    Slot("feedForward1", "feedforward_1st_gain", SLOW, Kind.SETTING),
-    Slot("feedForward2", "feedforward_2nd_gain", SLOW, Kind.SETTING),
-    Slot("acceleration", "profile_acceleration", SLOW, Kind.SETTING),
-    Slot("acceleration", "goal_acceleration", SLOW, Kind.SETTING),
-    Slot("acceleration", "acceleration", SLOW, Kind.SETTING),
-    Slot("homingOffset", "homing_offset", RARE, Kind.KEPT),
-    Slot("lock", "lock", SLOW, Kind.COUNTER),
+    RegisterSlot("val", "present_position", FAST, Kind.OWN),
+    RegisterSlot("moving", "moving", MEDIUM, view=FLAG),
+    RegisterSlot("led", "led", SLOW, Kind.SETTING),
+    RegisterSlot("load", "torque_enable", MEDIUM, Kind.OWN),
+    RegisterSlot("shutdown", "shutdown", RARE, Kind.KEPT),
+    RegisterSlot("alarmLed", "alarm_led", RARE, Kind.KEPT),
+    RegisterSlot("speed", "present_velocity", FAST, Kind.OWN),
+    RegisterSlot("speed", "present_speed", FAST, Kind.OWN),
+    RegisterSlot("torque", "present_load", FAST, view=TORQUE),
+    RegisterSlot("torque", "present_current", FAST, view=CURRENT_TORQUE),
+    RegisterSlot("current", "present_current", FAST),
+    RegisterSlot("cwLimit", "min_position_limit", RARE, Kind.OWN),
+    RegisterSlot("cwLimit", "cw_angle_limit", RARE, Kind.OWN),
+    RegisterSlot("ccwLimit", "max_position_limit", RARE, Kind.OWN),
+    RegisterSlot("ccwLimit", "ccw_angle_limit", RARE, Kind.OWN),
+    RegisterSlot("torqueLimit", "torque_limit", MEDIUM, Kind.ALWAYS, TORQUE),
+    RegisterSlot("torqueLimit", "goal_pwm", SLOW, Kind.SETTING, TORQUE),
+    RegisterSlot("maxTorque", "max_torque", RARE, Kind.KEPT, TORQUE),
+    RegisterSlot("maxTorque", "pwm_limit", RARE, Kind.KEPT, TORQUE),
+    RegisterSlot("cwComplianceMargin", "cw_compliance_margin", SLOW, Kind.SETTING),
+    RegisterSlot("ccwComplianceMargin", "ccw_compliance_margin", SLOW, Kind.SETTING),
+    RegisterSlot("cwComplianceSlope", "cw_compliance_slope", SLOW, Kind.SETTING),
+    RegisterSlot("ccwComplianceSlope", "ccw_compliance_slope", SLOW, Kind.SETTING),
+    RegisterSlot("punch", "punch", SLOW, Kind.SETTING, TORQUE),
+    RegisterSlot("goalCurrent", "goal_current", SLOW, Kind.OWN),
+    RegisterSlot("goalPwm", "goal_pwm", SLOW, Kind.OWN),
+    RegisterSlot("pGain", "position_p_gain", SLOW, Kind.SETTING),
+    RegisterSlot("pGain", "p_gain", SLOW, Kind.SETTING),
+    RegisterSlot("iGain", "position_i_gain", SLOW, Kind.SETTING),
+    RegisterSlot("iGain", "i_gain", SLOW, Kind.SETTING),
+    RegisterSlot("dGain", "position_d_gain", SLOW, Kind.SETTING),
+    RegisterSlot("dGain", "d_gain", SLOW, Kind.SETTING),
+    RegisterSlot("velocityPGain", "velocity_p_gain", SLOW, Kind.SETTING),
+    RegisterSlot("velocityIGain", "velocity_i_gain", SLOW, Kind.SETTING),
+    RegisterSlot("feedForward1", "feedforward_1st_gain", SLOW, Kind.SETTING),
+    RegisterSlot("feedForward2", "feedforward_2nd_gain", SLOW, Kind.SETTING),
+    RegisterSlot("acceleration", "profile_acceleration", SLOW, Kind.SETTING),
+    RegisterSlot("acceleration", "goal_acceleration", SLOW, Kind.SETTING),
+    RegisterSlot("acceleration", "acceleration", SLOW, Kind.SETTING),
+    RegisterSlot("homingOffset", "homing_offset", RARE, Kind.KEPT),
+    RegisterSlot("lock", "lock", SLOW, Kind.COUNTER),
 )
 """All slots that a servo may have; several registers that may stand for a slot are in order of preference."""
 
 
-def rows_of(table: Table, rows: tuple[Slot, ...] = SERVO) -> tuple[Slot, ...]:
+def rows_of(table: ControlTable, rows: tuple[RegisterSlot, ...] = SERVO) -> tuple[RegisterSlot, ...]:
     """Return the rows whose registers a control table has, one for each slot; a register in EEPROM is ``KEPT``."""
-    found: dict[str, Slot] = {}
+    found: dict[str, RegisterSlot] = {}
     for row in rows:
         item = table.items.get(row.item)
         if item is None or row.name in found:

@@ -10,7 +10,7 @@ from typing import Final
 from urbihw.buses.servos.device import DeviceInfo
 from urbihw.buses.servos.status import FEETECH
 from urbihw.kernel.uobject import Opened, RobotSettings
-from urbihw.platforms.servos.devices import Device
+from urbihw.platforms.servos.devices import ServoBusDevice
 from urbihw.platforms.servos.robot import ServoRobot
 from urbihw.platforms.so101.arm import ArmServo
 
@@ -40,7 +40,7 @@ class Leader(ServoRobot):
         self.motion.latched = HAND
         self.estop.sense(True)
 
-    def class_of(self, info: DeviceInfo) -> type[Device] | None:
+    def class_of(self, info: DeviceInfo) -> type[ServoBusDevice] | None:
         """Return the class of a joint."""
-        is_arm = info.protocol == FEETECH and "operating_mode" in Device.table_for(info).items
+        is_arm = info.protocol == FEETECH and "operating_mode" in ServoBusDevice.table_for(info).items
         return LeaderServo if is_arm else None

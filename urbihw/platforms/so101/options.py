@@ -14,7 +14,7 @@ LEADER_CALIBRATION: Final = "leader_calibration"
 
 
 @dataclass(frozen=True)
-class Options(ServoOptions):
+class So101Options(ServoOptions):
     """The options of the platform.
 
     Attributes:

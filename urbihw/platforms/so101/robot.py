@@ -9,7 +9,7 @@ from typing import Any
 from urbihw.buses.servos.device import DeviceInfo
 from urbihw.buses.servos.status import FEETECH
 from urbihw.kernel.uobject import BadConfig, DeviceError, Opened, RobotSettings
-from urbihw.platforms.servos.devices import Device
+from urbihw.platforms.servos.devices import ServoBusDevice
 from urbihw.platforms.servos.options import CALIBRATION
 from urbihw.platforms.servos.robot import Devices, ServoRobot
 from urbihw.platforms.so101.arm import GRIPPER, JOINTS, ArmServo, GripperServo
@@ -30,9 +30,9 @@ class SO101(ServoRobot):
         super().init()
         self._leader: Leader | None = None
 
-    def class_of(self, info: DeviceInfo) -> type[Device] | None:
+    def class_of(self, info: DeviceInfo) -> type[ServoBusDevice] | None:
         """Return the class of the gripper or of a joint; an arm has STS servos only."""
-        if info.protocol != FEETECH or "operating_mode" not in Device.table_for(info).items:
+        if info.protocol != FEETECH or "operating_mode" not in ServoBusDevice.table_for(info).items:
             return None
         return GripperServo if self._named.get(info.id, ("", None))[0] == GRIPPER else ArmServo
 

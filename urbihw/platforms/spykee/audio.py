@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from urbihw.buses.messages import Reply
 from urbihw.kernel.uobject import function
-from urbihw.platforms.speaker import Speaker
+from urbihw.platforms.speaker import PlatformSpeaker
 from urbihw.platforms.spykee import protocol as p
 
 
-class SpykeeSpeaker(Speaker):
+class SpykeeSpeaker(PlatformSpeaker):
     """The loudspeaker of a Spykee, which also has sounds of its own."""
 
     play_rate = p.SOUND_RATE

@@ -12,7 +12,7 @@ from urbihw.platforms.base import LINK_DOWN
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.hooks import LimitNamer, LimitTable
 from urbihw.platforms.limits import DeviceLimits, whole_counts
-from urbihw.platforms.measured import Measured
+from urbihw.platforms.measured import MeasuredDevice
 from urbihw.platforms.spykee import protocol as p
 from urbihw.platforms.spykee import words
 
@@ -83,7 +83,7 @@ class SpykeeLed(UObject):
         self.val.sense(float(on))
 
 
-class SpykeeBattery(Measured):
+class SpykeeBattery(MeasuredDevice):
     """The battery: ``remain`` is a share of 1, the last one that was known while it charges.
 
     The robot measures neither capacity (A h) nor current (A) nor voltage (V): they are nil.

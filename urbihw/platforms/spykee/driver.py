@@ -26,9 +26,9 @@ from urbihw.buses.errors import BadFrame, BadValue, LinkGone
 from urbihw.buses.link import Link, Port, byte_link
 from urbihw.buses.messages import (
     Configure,
+    DeviceReport,
     Found,
     FromWorker,
-    Happened,
     Refused,
     Reply,
     Request,
@@ -39,8 +39,8 @@ from urbihw.buses.messages import (
 from urbihw.buses.readings import Reading
 from urbihw.platforms.spykee import protocol as p
 from urbihw.platforms.spykee.bulk import PIECE_BYTES, SoundOut, Uploads
-from urbihw.platforms.spykee.options import Options
-from urbihw.platforms.spykee.session import RobotInfo, log_in
+from urbihw.platforms.spykee.options import SpykeeOptions
+from urbihw.platforms.spykee.session import SpykeeRobotInfo, log_in
 from urbihw.platforms.spykee.tracks import LEFT, RIGHT, TrackSpeeds
 
 TRACKS: Final = (LEFT, RIGHT)
@@ -62,12 +62,12 @@ _READERS: Final[Mapping[int, Callable[[bytes], Any]]] = {
 class SpykeeDriver(Driver):
     """Drives a Spykee over one TCP link; ``urbihw.buses.driver.Driver`` tells when each method is called."""
 
-    device_info = RobotInfo
+    device_info = SpykeeRobotInfo
 
     def __init__(self) -> None:
         self._link: Link | None = None
-        self._framer = p.Framer()
-        self._options = Options()
+        self._framer = p.SpykeeFramer()
+        self._options = SpykeeOptions()
         self._tracks = TrackSpeeds()
         self._searching = self._docked = False
         self._watched: set[str] = set()
@@ -88,12 +88,12 @@ class SpykeeDriver(Driver):
 
     def configure(self, settings: Configure) -> None:
         """Take settings.  Raises BadSetting for an option."""
-        self._options = Options.of(settings.options)
+        self._options = SpykeeOptions.of(settings.options)
 
     def attach(self, port: Port) -> list[FromWorker]:
         """Log in.  Raises Unavailable, BadUrl."""
         link = byte_link(port)
-        self._framer = p.Framer()
+        self._framer = p.SpykeeFramer()
         self._tracks.reset()
         self._sound.reset()
         self._searching = False
@@ -200,12 +200,12 @@ class SpykeeDriver(Driver):
             if self._tracks.moving:
                 self._tracks.halt()
                 self.halted = "the robot is on its dock"
-            return [Happened("dock", "docked")]
+            return [DeviceReport("dock", "docked")]
         elif kind == p.ENGINE and payload[:1] == bytes([p.IS_UNDOCKED]):
             self._docked = False
-            return [Happened("dock", "undocked")]
+            return [DeviceReport("dock", "undocked")]
         elif kind == p.STOP:
-            return [Happened("music", "ended")]
+            return [DeviceReport("music", "ended")]
         elif kind in _READERS:
             answered = [row for row in self._questions if row[0] == kind]
             self._questions = [row for row in self._questions if row[0] != kind]

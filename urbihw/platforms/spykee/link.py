@@ -19,7 +19,7 @@ from urbihw.buses.link import Context, Url
 from urbihw.buses.tcp import TcpLink
 from urbihw.platforms.spykee import protocol as p
 from urbihw.platforms.spykee.discovery import search
-from urbihw.settings import Rule, whole
+from urbihw.settings import SettingRule, whole
 
 UNSENT_BYTES: Final = 4096
 """Bytes that may wait in this computer before ``is_writable`` says no."""
@@ -35,7 +35,7 @@ class SpykeeLink(TcpLink):
     """A connection to the robot's control port; without an address, to the one that is found by discovery."""
 
     @classmethod
-    def parameters(cls, url: Url) -> Mapping[str, Rule]:
+    def parameters(cls, url: Url) -> Mapping[str, SettingRule]:
         """Accept ``discovery``: the UDP port for the search for robots; tests use another one."""
         return {"discovery": whole(1, 65535)}
 

@@ -25,7 +25,7 @@ READ_TIMEOUT_S: Final = 10.0
 """Seconds within which an address must answer, and a stream must go on."""
 
 
-class Source(Protocol):
+class MusicSource(Protocol):
     """What music is read from: a file, or the answer of an http server."""
 
     def read1(self, size: int, /) -> bytes:
@@ -99,7 +99,7 @@ class MusicReader:
 
     # ---------------------------------------------------------------- in the thread
 
-    def _read(self, source: Source) -> None:
+    def _read(self, source: MusicSource) -> None:
         count, problem = 0, ""
         try:
             while self._wait_for_room():
@@ -139,7 +139,7 @@ class MusicReader:
             on_ready()
 
 
-def open_source(stream: str) -> tuple[Source, int | None]:
+def open_source(stream: str) -> tuple[MusicSource, int | None]:
     """A file or the answer of an http address, and its size if that is known.  Raises ValueError."""
     if stream.startswith(("http://", "https://")):
         return _open_address(stream)
@@ -152,7 +152,7 @@ def open_source(stream: str) -> tuple[Source, int | None]:
         raise ValueError(f"cannot read {path}: {error.strerror}") from error
 
 
-def _open_address(address: str) -> tuple[Source, int | None]:
+def _open_address(address: str) -> tuple[MusicSource, int | None]:
     try:
         answer: http.client.HTTPResponse = urllib.request.urlopen(address, timeout=READ_TIMEOUT_S)
     except (OSError, ValueError, http.client.HTTPException) as error:

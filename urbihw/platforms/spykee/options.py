@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from urbihw.settings import TEXT, Mistake, Rule, Table, number, setting, whole
+from urbihw.settings import TEXT, Mistake, SettingRule, SettingsTable, number, setting, whole
 
 _LONGEST = 255
 _NO_TEXT = "\uffff"
@@ -17,12 +17,12 @@ def _text(value: Any) -> str:
     return _NO_TEXT if isinstance(value, list | dict) else str(value)
 
 
-_CREDENTIAL = Rule((str, int, float, bool, list, dict), "a text", _text)
-"""A value of another type is refused by `Options.clashes`: the message of a rule would show it."""
+_CREDENTIAL = SettingRule((str, int, float, bool, list, dict), "a text", _text)
+"""A value of another type is refused by `SpykeeOptions.clashes`: the message of a rule would show it."""
 
 
 @dataclass(frozen=True)
-class Options(Table):
+class SpykeeOptions(SettingsTable):
     """The options.
 
     Attributes:

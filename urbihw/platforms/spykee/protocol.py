@@ -134,7 +134,7 @@ def read_log(payload: bytes) -> list[str]:
     return payload.decode("latin-1").splitlines()
 
 
-class Framer:
+class SpykeeFramer:
     """Cuts the received bytes into packets."""
 
     def __init__(self) -> None:

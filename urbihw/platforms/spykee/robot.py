@@ -32,8 +32,8 @@ from urbihw.platforms.spykee.clapper import Clapper
 from urbihw.platforms.spykee.devices import DOCKED, SpykeeBattery, SpykeeLed, SpykeeTrack
 from urbihw.platforms.spykee.driver import CAMERA, ENGINE, MICRO, POWER, TRACKS
 from urbihw.platforms.spykee.mp3 import SpykeeMp3
-from urbihw.platforms.spykee.options import Options
-from urbihw.platforms.spykee.session import RobotInfo
+from urbihw.platforms.spykee.options import SpykeeOptions
+from urbihw.platforms.spykee.session import SpykeeRobotInfo
 from urbihw.platforms.spykee.streams import SpykeeCamera, SpykeeMicro
 from urbihw.settings import BadSetting
 
@@ -69,7 +69,7 @@ class Spykee(WiredRobot):
     def init(self) -> None:
         """Called by ``new``; nothing happens before ``open``."""
         super().init()
-        self._options = Options()
+        self._options = SpykeeOptions()
         self._calibration = Calibration(self._options.full_speed, self._options.full_turn)
         self._count = 0
         self._built = self._complete = self._measured = False
@@ -92,7 +92,7 @@ class Spykee(WiredRobot):
 
     def _read_options(self, settings: RobotSettings) -> None:
         try:
-            self._options = Options.of(settings.options)
+            self._options = SpykeeOptions.of(settings.options)
         except BadSetting as error:
             raise BadConfig(f"spykee: {error}") from error
 
@@ -119,7 +119,7 @@ class Spykee(WiredRobot):
         self.micro.reset_numbers()
         self.send_limits()
 
-    def _identify(self, info: RobotInfo) -> None:
+    def _identify(self, info: SpykeeRobotInfo) -> None:
         self.uid.sense(info.uid)
         self.robotName.sense(info.name)
         self.identify(name=info.name, serial=info.uid)
@@ -188,7 +188,7 @@ class Spykee(WiredRobot):
         self.charging.sense(level < 0, stamp)
         self.battery.show_level(level, stamp)
 
-    def on_happened(self, message: m.Happened) -> None:
+    def on_happened(self, message: m.DeviceReport) -> None:
         """Show docking and undocking, and the end of the music."""
         if message.device == "dock":
             docked = message.what == "docked"

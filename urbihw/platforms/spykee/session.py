@@ -20,7 +20,7 @@ REPLY_TIMEOUT_S: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class RobotInfo:
+class SpykeeRobotInfo:
     """The robot as ``Found`` reports it; ``power`` is raw: percent, or negative while it charges."""
 
     uid: str
@@ -30,7 +30,9 @@ class RobotInfo:
     power: int
 
 
-def log_in(link: Link, framer: p.Framer, user: str, password: str) -> tuple[RobotInfo, list[tuple[int, bytes]]]:
+def log_in(
+    link: Link, framer: p.SpykeeFramer, user: str, password: str
+) -> tuple[SpykeeRobotInfo, list[tuple[int, bytes]]]:
     """Log in, and wait until the robot accepts moves.
 
     Returns the description of the robot, and the packets that came after the level of the battery.  Raises Unavailable.
@@ -67,7 +69,7 @@ def log_in(link: Link, framer: p.Framer, user: str, password: str) -> tuple[Robo
         raise _refused(where, user) from error
     # What it calls itself goes to logs and terminals.
     uid, name, firmware = map(one_line, (*identity.names[:2], identity.firmware))
-    return RobotInfo(uid, name, firmware, identity.docked, power), packets
+    return SpykeeRobotInfo(uid, name, firmware, identity.docked, power), packets
 
 
 def _silent(where: str) -> Unavailable:

@@ -6,7 +6,7 @@ import struct
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from urbihw.buses.trace import Cut, Direction, Packet, StreamDecoder, hex_of
+from urbihw.buses.trace import Cut, Direction, StreamDecoder, TracedPacket, hex_of
 from urbihw.platforms.spykee import protocol as p
 
 _HEADER: Final = struct.Struct(">2sBH")
@@ -37,12 +37,14 @@ class SpykeeDecoder(StreamDecoder):
         size = _HEADER.size + int.from_bytes(data[3:5], "big")
         return Cut(size) if len(data) >= size else None
 
-    def decode(self, time: float, direction: Direction, data: bytes) -> list[Packet]:
+    def decode(self, time: float, direction: Direction, data: bytes) -> list[TracedPacket]:
         """Return the packet."""
         kind, payload = data[2], data[_HEADER.size :]
         detail, problem = _content(kind, direction, payload)
         shown = data[: _HEADER.size] if kind in _SECRET else data
-        return [Packet(time, direction, "", _NAMES.get(kind, f"type {kind}"), detail, problem=problem, data=shown)]
+        return [
+            TracedPacket(time, direction, "", _NAMES.get(kind, f"type {kind}"), detail, problem=problem, data=shown)
+        ]
 
 
 def spykee(devices: Sequence[Mapping[str, Any]]) -> SpykeeDecoder:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from urbihw.platforms.teach.mtn import MotionFile, Page
-from urbihw.platforms.teach.recording import Recording
+from urbihw.platforms.teach.recording import MotionRecording
 
 SHORTEST_S: Final = 0.001
 """Minimum seconds from key to key, so that a motion that repeats for ever goes on in time."""
@@ -31,13 +31,13 @@ class Key(NamedTuple):
     blend: bool = False
 
 
-class Request:
+class EndRequest:
     """A request to end a motion in good order: at the end of its present pass, by its exit page."""
 
     made = False
 
 
-def keys_of(recording: Recording, speed: float) -> Iterator[Key]:
+def keys_of(recording: MotionRecording, speed: float) -> Iterator[Key]:
     """The keys of a recorded motion at a multiple of its speed."""
     before = recording.rows[0].time
     for row in recording.rows:
@@ -47,7 +47,11 @@ def keys_of(recording: Recording, speed: float) -> Iterator[Key]:
 
 
 def keys_of_pages(
-    motions: MotionFile, first: Page, speed: float, request: Request, joint: Callable[[int, float], tuple[str, float]]
+    motions: MotionFile,
+    first: Page,
+    speed: float,
+    request: EndRequest,
+    joint: Callable[[int, float], tuple[str, float]],
 ) -> Iterator[Key]:
     """The keys of a page and of the pages after it.  ``joint`` gives the joint and its angle for an id and a position.
 
@@ -73,7 +77,7 @@ def keys_of_pages(
         page = None if after in left else motions.page(after)
 
 
-def repeat_keys(passes: Callable[[], Iterator[Key]], times: float, request: Request) -> Iterator[Key]:
+def repeat_keys(passes: Callable[[], Iterator[Key]], times: float, request: EndRequest) -> Iterator[Key]:
     """The keys of several passes of a motion; ``times`` may be infinite."""
     done = 0
     while done < times and not (done and request.made):
@@ -89,7 +93,7 @@ class Course:
         request: the request to end it.
     """
 
-    def __init__(self, start: Mapping[str, float], keys: Iterator[Key], safe_speed: float, request: Request) -> None:
+    def __init__(self, start: Mapping[str, float], keys: Iterator[Key], safe_speed: float, request: EndRequest) -> None:
         """``start`` is where the joints are, in rad; ``safe_speed`` the greatest speed of a blend, in rad/s."""
         self.joints: Sequence[str] = tuple(start)
         self.request = request

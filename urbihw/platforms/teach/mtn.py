@@ -46,7 +46,7 @@ _MARK: Final = "\ufeff"
 
 
 @dataclass(frozen=True)
-class Step:
+class MtnStep:
     """Positions in rad from the middle of the servo, by id; seconds of the movement, and of the pause after it."""
 
     positions: dict[int, float]
@@ -64,7 +64,7 @@ class Page:
     exit: int
     repeat: int
     speed: float
-    steps: tuple[Step, ...]
+    steps: tuple[MtnStep, ...]
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def angle_of(count: int) -> float:
     return (count - MIDDLE) * RAD_PER_COUNT
 
 
-class _Reader:
+class _MtnReader:
     """Reads the lines of a file; ``place`` is the line for messages."""
 
     def __init__(self, where: str) -> None:
@@ -102,7 +102,7 @@ class _Reader:
         self._enabled: Sequence[int] = ()
         self._name = ""
         self._play: Sequence[float] = ()
-        self._steps: list[Step] = []
+        self._steps: list[MtnStep] = []
         self._inside = False
 
     def read(self, lines: Sequence[str]) -> MotionFile:
@@ -137,14 +137,14 @@ class _Reader:
                 self._require(self._inside and len(self._steps) < MAX_STEPS, f"at most {MAX_STEPS} steps, in a page")
                 self._steps.append(self._step(self._numbers(values, IDS + 2)))
 
-    def _step(self, values: Sequence[float]) -> Step:
+    def _step(self, values: Sequence[float]) -> MtnStep:
         *counts, pause, time = values
         self._require(len(self._enabled) == IDS, "the line enable comes before the pages")
         self._require(all(0 <= count <= COUNTS for count in counts), f"positions are 0 to {COUNTS}")
         self._require(0 <= pause <= MAX_SECONDS and 0 <= time <= MAX_SECONDS, f"times are 0 to {MAX_SECONDS:g} s")
         moved = {number: angle_of(int(count)) for number, count in enumerate(counts) if self._enabled[number]}
         self._require(bool(moved), "the line enable has at least one 1")
-        return Step(moved, time, pause)
+        return MtnStep(moved, time, pause)
 
     def _begin_page(self) -> None:
         free = not self._inside and len(self.pages) < MAX_PAGES
@@ -182,4 +182,4 @@ def parse(data: bytes, where: str) -> MotionFile:
     text = data.decode("utf-8", "replace")
     if not text.lstrip(_MARK).startswith("type="):
         raise BadMotion(f"{where}: a motion file of RoboPlus begins with type=motion")
-    return _Reader(where).read(text.splitlines())
+    return _MtnReader(where).read(text.splitlines())

@@ -40,7 +40,7 @@ class BadMotion(ValueError):
     """A file that is no motion; the message is one line that tells the place and what belongs there."""
 
 
-class Row(NamedTuple):
+class PoseRow(NamedTuple):
     """One pose: seconds since the begin, and the angle of each joint in rad."""
 
     time: float
@@ -48,7 +48,7 @@ class Row(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Recording:
+class MotionRecording:
     """A motion.
 
     Attributes:
@@ -61,7 +61,7 @@ class Recording:
     robot: str
     rate: float
     joints: tuple[str, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[PoseRow, ...]
 
     @property
     def seconds(self) -> float:
@@ -77,10 +77,10 @@ class Recording:
         return "\n".join(lines) + "\n"
 
 
-def parse(text: str, where: str) -> Recording:
+def parse(text: str, where: str) -> MotionRecording:
     """Return the motion of a file; ``where`` is its name for messages.  Raises BadMotion."""
     head: dict[str, Any] | None = None
-    rows: list[Row] = []
+    rows: list[PoseRow] = []
     for number, line in enumerate(text.splitlines(), 1):
         line = line.strip()
         if not line or line.startswith("#"):
@@ -94,7 +94,7 @@ def parse(text: str, where: str) -> Recording:
         rows.append(_row(_value(line, place), len(head["joints"]), rows[-1].time if rows else -math.inf, place))
     if head is None or not rows:
         raise BadMotion(f"{where}: a motion has a first line with robot, unit, rate and joints, then at least one pose")
-    return Recording(head["robot"], float(head["rate"]), tuple(head["joints"]), tuple(rows))
+    return MotionRecording(head["robot"], float(head["rate"]), tuple(head["joints"]), tuple(rows))
 
 
 def _value(line: str, place: str) -> Any:
@@ -126,7 +126,7 @@ def _head(value: Any, place: str) -> dict[str, Any]:
     return value
 
 
-def _row(value: Any, joints: int, after: float, place: str) -> Row:
+def _row(value: Any, joints: int, after: float, place: str) -> PoseRow:
     # A file has up to 10000 poses, and the kernel waits.
     if type(value) is not list or len(value) != joints + 1 or not _NUMBERS.issuperset(map(type, value)):
         raise BadMotion(f"{place}: a pose is a list of {joints + 1} numbers: seconds, then rad of each joint")
@@ -136,7 +136,7 @@ def _row(value: Any, joints: int, after: float, place: str) -> Row:
     # The sum is nan if an angle is.
     if not (max(angles) <= MAX_ANGLE and min(angles) >= -MAX_ANGLE and math.isfinite(sum(angles))):
         raise BadMotion(f"{place}: an angle is within {MAX_ANGLE:g} rad of 0")
-    return Row(float(time), tuple(angles))
+    return PoseRow(float(time), tuple(angles))
 
 
 def _is_number(value: Any) -> bool:

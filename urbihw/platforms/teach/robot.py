@@ -13,13 +13,13 @@ from typing import Any, Final
 
 from urbihw.kernel.uobject import Opened, Origin, RobotSettings, function
 from urbihw.platforms.base import WiredRobot
-from urbihw.platforms.teach.course import Course, Key, Request, keys_of, keys_of_pages, repeat_keys
+from urbihw.platforms.teach.course import Course, EndRequest, Key, keys_of, keys_of_pages, repeat_keys
 from urbihw.platforms.teach.recording import (
     MAX_RATE_HZ,
     MAX_ROWS,
     BadMotion,
-    Recording,
-    Row,
+    MotionRecording,
+    PoseRow,
     times_of_key_poses,
 )
 from urbihw.platforms.teach.store import MTN, Store
@@ -38,18 +38,18 @@ class _Taken:
 
     def __init__(self, name: str, joints: Sequence[str], motors: frozenset[int], rate: float, origin: Origin) -> None:
         self.name, self.joints, self.motors, self.rate, self.origin = name, tuple(joints), motors, rate, origin
-        self.rows: list[Row] = []
+        self.rows: list[PoseRow] = []
 
-    def recording(self, robot: str) -> Recording:
+    def recording(self, robot: str) -> MotionRecording:
         """The motion as it is written: times from 0."""
         rows = self.rows
         if self.rate:
             times = [row.time - rows[0].time for row in rows]
         else:
             times = times_of_key_poses([row.angles for row in rows], KEY_SPEED_RADS)
-        return Recording(
+        return MotionRecording(
             robot, self.rate, self.joints,
-            tuple(Row(round(time, 3), row.angles) for time, row in zip(times, rows, strict=True)),
+            tuple(PoseRow(round(time, 3), row.angles) for time, row in zip(times, rows, strict=True)),
         )  # fmt: skip
 
 
@@ -120,7 +120,7 @@ class MotionRobot(WiredRobot):
             raise ValueError(f"blendSpeed is above 0, in rad/s, not {safe_speed:g}")
         if not 0 < len(names) <= MAX_JOINED:
             raise ValueError(f"give 1 to {MAX_JOINED} motions")
-        request = Request()
+        request = EndRequest()
         plan = _Plan(self, joints, motors, request, speed)
         parts = [plan.read(self._poses if kind == "pose" else self._motions, name) for name in names]
         used = plan.used
@@ -165,7 +165,7 @@ class MotionRobot(WiredRobot):
     def save_pose_file(self, name: str, joints: list[str], angles: list[float]) -> None:
         """Write a pose."""
         _check_angles(joints, angles)
-        self._poses.save(name, Recording(self.robot_name, 0.0, tuple(joints), (Row(0.0, tuple(angles)),)))
+        self._poses.save(name, MotionRecording(self.robot_name, 0.0, tuple(joints), (PoseRow(0.0, tuple(angles)),)))
 
     @function("beginRecording")
     def begin_recording(self, name: str, joints: list[str], motors: list[float], rate: float) -> int:
@@ -199,7 +199,7 @@ class MotionRobot(WiredRobot):
         _check_angles(taken.joints, angles)
         now = self.host.now()
         if not taken.rows or now > taken.rows[-1].time:
-            taken.rows.append(Row(now, tuple(angles)))
+            taken.rows.append(PoseRow(now, tuple(angles)))
         return len(taken.rows) < MAX_ROWS
 
     @function("tellJointsOff")
@@ -220,7 +220,7 @@ class _Plan:
     """Reads motions for the joints of a robot."""
 
     def __init__(
-        self, robot: MotionRobot, joints: Sequence[str], motors: Sequence[float], request: Request, speed: float
+        self, robot: MotionRobot, joints: Sequence[str], motors: Sequence[float], request: EndRequest, speed: float
     ) -> None:
         self._robot, self._request, self._speed = robot, request, speed
         self._places = {name: place for place, name in enumerate(joints)}

@@ -12,7 +12,7 @@ from typing import Final
 from urbihw.files import BadFile, cannot_read, read_regular, write_regular
 from urbihw.platforms.teach import mtn
 from urbihw.platforms.teach.mtn import MotionFile
-from urbihw.platforms.teach.recording import MAX_BYTES, BadMotion, Recording, parse
+from urbihw.platforms.teach.recording import MAX_BYTES, BadMotion, MotionRecording, parse
 from urbihw.settings import guess
 
 SUFFIX: Final = ".jsonl"
@@ -48,7 +48,7 @@ class Store:
             [file.stem for file in files if file.suffix == SUFFIX] + [file.name for file in files if file.suffix == MTN]
         )
 
-    def load(self, name: str) -> Recording:
+    def load(self, name: str) -> MotionRecording:
         """Return a motion or pose.  Raises ValueError: there is none, or the file is no motion."""
         file = self._file(name, SUFFIX)
         try:
@@ -60,7 +60,7 @@ class Store:
         """Return the pages of a file of RoboPlus, by its name with ``.mtn``.  Raises ValueError."""
         return mtn.parse(self._read(self._file(name.removesuffix(MTN), MTN), name), name)
 
-    def save(self, name: str, recording: Recording) -> None:
+    def save(self, name: str, recording: MotionRecording) -> None:
         """Write a motion or pose at once.  Raises ValueError if it cannot be written."""
         file = self._file(name, SUFFIX)
         try:

@@ -75,7 +75,7 @@ class WebotsRobot(s.BackEnd):
             if kind:
                 self._devices[device.getName()] = device
                 found.append(s.SimDevice(device.getName(), kind, _facts(kind, device)))
-        self.world = s.World(
+        self.world = s.SimulatedWorld(
             robot.getName(), "Webots", int(robot.getBasicTimeStep()), tuple(found), None,
             supervisor=bool(robot.getSupervisor()),
         )  # fmt: skip
@@ -217,7 +217,7 @@ class WebotsRobot(s.BackEnd):
         axis = [each / angle for each in value] if angle > 1e-12 else [0.0, 0.0, 1.0]
         field.setSFRotation([*axis, angle])
 
-    def label(self, label: s.Label) -> None:
+    def label(self, label: s.LabelText) -> None:
         """See ``BackEnd``."""
         colour = sum(
             round(part * 255) << shift for part, shift in ((label.red, 16), (label.green, 8), (label.blue, 0))

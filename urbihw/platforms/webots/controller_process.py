@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Final
 
 from urbihw.buses.errors import LinkGone, Unavailable
-from urbihw.platforms.webots.simulator import BackEnd, Order, Outcome, World
+from urbihw.platforms.webots.simulator import BackEnd, Outcome, SimulatedWorld, StepOrder
 
 CONNECT_TIMEOUT_S: Final = 8.0
 """Seconds to wait for Webots before the worker tries again; its library retries for itself for longer.  The worker may
@@ -31,7 +31,7 @@ END_TIMEOUT_S: Final = 0.5
 class ControllerProcess:
     """The parent's end; see ``port.Simulation``."""
 
-    world: World
+    world: SimulatedWorld
 
     def __init__(self, url: str) -> None:
         """Start the process and wait for the world.  Raises Unavailable."""
@@ -49,7 +49,7 @@ class ControllerProcess:
         try:
             if mine.poll(CONNECT_TIMEOUT_S):
                 first = mine.recv()
-                if isinstance(first, World):
+                if isinstance(first, SimulatedWorld):
                     self.world = first
                     return
                 problem = str(first)
@@ -58,7 +58,7 @@ class ControllerProcess:
         self.close()
         raise Unavailable(errno.EHOSTUNREACH, problem)
 
-    def begin(self, ms: int, orders: list[Order]) -> None:
+    def begin(self, ms: int, orders: list[StepOrder]) -> None:
         """See ``Simulation``."""
         with contextlib.suppress(OSError):  # ``poll`` tells it.
             self._pipe.send((ms, orders))

@@ -17,15 +17,15 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
-from urbihw.buses.clock import Clock, RealClock
+from urbihw.buses.clock import BusClock, BusRealClock
 from urbihw.buses.driver import Driver, no_stop
 from urbihw.buses.errors import BadUrl, LinkGone
 from urbihw.buses.link import Port
 from urbihw.buses.messages import (
     Configure,
+    DeviceReport,
     Found,
     FromWorker,
-    Happened,
     Refused,
     Reply,
     Request,
@@ -35,9 +35,9 @@ from urbihw.buses.messages import (
 )
 from urbihw.buses.readings import Quantity
 from urbihw.platforms.webots.model_check import TIMEOUT_S
-from urbihw.platforms.webots.options import Options
+from urbihw.platforms.webots.options import WebotsOptions
 from urbihw.platforms.webots.port import Simulation, SimulationPort
-from urbihw.platforms.webots.simulator import CAMERA, MOTOR, NODES, Order, Outcome
+from urbihw.platforms.webots.simulator import CAMERA, MOTOR, NODES, Outcome, StepOrder
 
 SIMULATOR: Final = "simulator"
 GRANTED: Final = "granted"
@@ -70,9 +70,9 @@ class SimulationDriver(Driver):
 
     def __init__(self) -> None:
         self._simulation: Simulation | None = None
-        self._clock: Clock = RealClock()
-        self._options = Options()
-        self._orders: list[Order] = []
+        self._clock: BusClock = BusRealClock()
+        self._options = WebotsOptions()
+        self._orders: list[StepOrder] = []
         self._watches: dict[str, float] = {}
         self._motors: dict[str, tuple[float, float, float]] = {}
         self._last: dict[str, Any] = {}
@@ -92,7 +92,7 @@ class SimulationDriver(Driver):
 
     def configure(self, settings: Configure) -> None:
         """Apply the settings.  Raises BadSetting for an option."""
-        options = Options.of(settings.options)
+        options = WebotsOptions.of(settings.options)
         self._paused = options.mode == "pause"
         self._options = options
 
@@ -103,7 +103,7 @@ class SimulationDriver(Driver):
         self._simulation, self._clock = port.simulation, port.clock
         motors = [each.name for each in port.simulation.world.devices if each.kind == MOTOR]
         # A robot of Webots may be turning still: its last controller has died.
-        self._orders = [Order("stop", name) for name in motors]
+        self._orders = [StepOrder("stop", name) for name in motors]
         self._kinds = frozenset(motors)
         self._cameras = frozenset(each.name for each in port.simulation.world.devices if each.kind == CAMERA)
         self._port = port
@@ -157,7 +157,7 @@ class SimulationDriver(Driver):
         self._stepping = False
         return news + self._handle_outcome(outcome, now)
 
-    def _longest_wait(self, orders: list[Order]) -> float:
+    def _longest_wait(self, orders: list[StepOrder]) -> float:
         """Seconds that a simulator may need for some orders besides its step."""
         if any(order.verb == "revert" for order in orders):
             return RELOAD_S
@@ -176,11 +176,11 @@ class SimulationDriver(Driver):
         if not self._held_up:
             self._held_up = True
             self._held_ups += 1
-            news.append(Happened(SIMULATOR, HELD_UP, self._time))
+            news.append(DeviceReport(SIMULATOR, HELD_UP, self._time))
         return True
 
     def _handle_outcome(self, outcome: Outcome, now: float) -> list[FromWorker]:
-        news: list[FromWorker] = [Happened(SIMULATOR, PROBLEM, problem) for problem in outcome.problems]
+        news: list[FromWorker] = [DeviceReport(SIMULATOR, PROBLEM, problem) for problem in outcome.problems]
         if outcome.ended:
             raise LinkGone(outcome.ended)
         self._time = outcome.time
@@ -220,7 +220,7 @@ class SimulationDriver(Driver):
         return refused
 
     def _order(self, device: str, item: str, value: Any) -> None:
-        self._orders.append(Order("write", device, item, value))
+        self._orders.append(StepOrder("write", device, item, value))
 
     def watch(self, message: Watch, now: float) -> list[FromWorker]:
         """Sample a device from now on, or no longer."""
@@ -235,7 +235,7 @@ class SimulationDriver(Driver):
     def _enable(self, device: str, period: float | None) -> None:
         assert self._simulation is not None
         ms = 0 if period is None else max(round(period * 1000), self._step_ms)
-        self._orders.append(Order("enable", device, "", ms))
+        self._orders.append(StepOrder("enable", device, "", ms))
 
     def request(self, message: Request) -> list[FromWorker]:
         """See the top of this file."""
@@ -249,11 +249,11 @@ class SimulationDriver(Driver):
             if was_paused != self._paused:
                 self._granted = max(self._granted, self._steps)
         elif message.verb == "write" and message.device.startswith(NODES):
-            self._orders.append(Order("move", message.device.removeprefix(NODES), message.item, message.value))
+            self._orders.append(StepOrder("move", message.device.removeprefix(NODES), message.item, message.value))
         elif message.verb == "write":
             self._order(message.device, message.item, message.value)
         elif message.verb in ("label", "reset physics", "revert", "quit"):
-            self._orders.append(Order(message.verb, "", "", message.value))
+            self._orders.append(StepOrder(message.verb, "", "", message.value))
         else:
             return [Reply(message.reply_id, False, error=f"a simulation has no request {message.verb!r}")]
         return [Reply(message.reply_id, True)]
@@ -269,7 +269,7 @@ class SimulationDriver(Driver):
         obsolete = {(verb, device) for verb in ("write", "stop") for device in stopped}
         self._orders = [each for each in self._orders if (each.verb, each.device) not in obsolete]
         for device in stopped:
-            self._orders.append(Order("stop", device))
+            self._orders.append(StepOrder("stop", device))
             self._moved.pop(device, None)
 
     def stop_again(self) -> None:

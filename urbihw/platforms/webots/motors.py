@@ -14,7 +14,7 @@ from urbihw.buses import messages as m
 from urbihw.kernel.uobject import EffectorDevice, finite_number, number, owned, reading, set_range
 from urbihw.platforms.hooks import LimitNamer, LimitTable
 from urbihw.platforms.limits import DeviceLimits
-from urbihw.platforms.measured import Measured
+from urbihw.platforms.measured import MeasuredDevice
 from urbihw.platforms.webots import words
 from urbihw.platforms.webots.simulator import MOTOR, SimDevice, no_such
 from urbihw.platforms.webots.surface import Surface, surface_of
@@ -24,7 +24,7 @@ MOTOR_NAMES: Final = ("{0} {1}", "{0} {1} motor", "{1} {0}", "{1} {0} motor", "{
 LOOSE: Final = "switched off: load = 1 switches it on"
 
 
-class SimMotor(EffectorDevice, Measured):
+class SimMotor(EffectorDevice, MeasuredDevice):
     """What both have: ``angle`` (rad) is the measured one when read, the target when written; so is ``speed`` (rad/s),
     with which it turns without a target.  ``load = 0`` ends both."""
 

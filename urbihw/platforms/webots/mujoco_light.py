@@ -11,7 +11,7 @@ _NEAR_M: Final = 1e-6
 """A surface this close to the light is the place of the light, not in front of it."""
 
 
-class LightSensor:
+class MujocoLight:
     """A light sensor at a site, which looks along the x axis of the site.
 
     Its value is 0 in the dark.  Each light that is switched on adds its ambient part, and its diffuse part (the means

@@ -18,7 +18,7 @@ from urbihw.platforms.scene.library import import_mujoco
 from urbihw.platforms.scene.state import state_of
 from urbihw.platforms.webots import simulator as s
 from urbihw.platforms.webots.model_check import reason_against
-from urbihw.platforms.webots.mujoco_light import LightSensor
+from urbihw.platforms.webots.mujoco_light import MujocoLight
 from urbihw.platforms.webots.mujoco_motors import Motor
 from urbihw.platforms.webots.mujoco_sensors import Radio, Rays, quaternion_of, rotation_vector, sensor
 
@@ -61,7 +61,7 @@ class MujocoWorld(s.BackEnd):
         self._leds: dict[str, tuple[Any, Any]] = {}
         self._cameras: dict[str, tuple[int, int]] = {}
         self._renderers: dict[tuple[int, int], Any] = {}
-        self.labels: dict[int, s.Label] = {}
+        self.labels: dict[int, s.LabelText] = {}
         self.shown: dict[str, Any] = {}
         """Speaker or display -> what was last written to it."""
         devices = [*self._find_motors(), *self._find_sensors(), *self._find_cameras(), *self._find_declared()]
@@ -73,7 +73,7 @@ class MujocoWorld(s.BackEnd):
         self._step_ms = self._basic_step()
         self._nodes = {model.body(i).name: i for i in range(1, model.nbody) if model.body(i).name}
         self._reads[s.SCENE] = lambda: state_of(self._model, self._data)
-        self.world = s.World(
+        self.world = s.SimulatedWorld(
             name=path.stem, simulator=f"MuJoCo {self._mujoco.__version__}", step_ms=self._step_ms,
             devices=tuple(devices), nodes=tuple(self._nodes), folder=str(path.parent),
             program=_texts(model).get("program", ""), model=str(path),
@@ -180,7 +180,7 @@ class MujocoWorld(s.BackEnd):
             self._find_led(name)
             return s.SimDevice(name, s.LED)
         if kind == "light-sensor":
-            eye = LightSensor(self._mujoco, self._model, self._data, name)
+            eye = MujocoLight(self._mujoco, self._model, self._data, name)
             self._reads[name] = eye.read
             return eye.device
         if kind in ("lidar", "range-finder"):
@@ -236,7 +236,7 @@ class MujocoWorld(s.BackEnd):
             mj_step(model, data)
         return True
 
-    def run(self, ms: int, orders: Sequence[s.Order]) -> s.Outcome:
+    def run(self, ms: int, orders: Sequence[s.StepOrder]) -> s.Outcome:
         """See ``BackEnd``; physics that blow up are a problem, told once."""
         outcome = super().run(ms, orders)
         if self._told_unstable or not self._is_unstable():
@@ -328,7 +328,7 @@ class MujocoWorld(s.BackEnd):
             (body.pos if item == "translation" else body.quat)[:] = numbers
         self._mujoco.mj_forward(model, data)
 
-    def label(self, label: s.Label) -> None:
+    def label(self, label: s.LabelText) -> None:
         """Keep a text for whoever shows the world; an empty one removes it."""
         self.labels.pop(label.number, None)
         if label.text:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from urbihw.settings import TEXT, Table, choice, number, setting, whole
+from urbihw.settings import TEXT, SettingsTable, choice, number, setting, whole
 
 SPEEDS = ("real", "fast", "pause")
 
 
 @dataclass(frozen=True)
-class Options(Table):
+class WebotsOptions(SettingsTable):
     """The options.
 
     Attributes:

@@ -25,8 +25,8 @@ from urbihw.platforms.scene.library import NoMujoco
 from urbihw.platforms.webots import controller_process
 from urbihw.platforms.webots.model_check import reason_against
 from urbihw.platforms.webots.mujoco_world import BadModel, MujocoWorld
-from urbihw.platforms.webots.simulator import Order, Outcome, World
-from urbihw.settings import Rule
+from urbihw.platforms.webots.simulator import Outcome, SimulatedWorld, StepOrder
+from urbihw.settings import SettingRule
 
 WORLDS: Final = Path(__file__).with_name("worlds")
 
@@ -34,9 +34,9 @@ WORLDS: Final = Path(__file__).with_name("worlds")
 class Simulation(Protocol):
     """A simulation as the driver uses it: one step at a time, which may take long."""
 
-    world: World
+    world: SimulatedWorld
 
-    def begin(self, ms: int, orders: list[Order]) -> None:
+    def begin(self, ms: int, orders: list[StepOrder]) -> None:
         """Begin a step of ``ms``, 0 for orders alone; not before the last one has ended."""
         ...
 
@@ -57,7 +57,7 @@ class OwnSimulation:
         self.world = world.world
         self._outcome: Outcome | None = None
 
-    def begin(self, ms: int, orders: list[Order]) -> None:
+    def begin(self, ms: int, orders: list[StepOrder]) -> None:
         """See ``Simulation``."""
         self._outcome = self._back_end.run(ms, orders)
 
@@ -77,7 +77,7 @@ class SimulationPort(Port):
     simulation: Simulation
 
     @classmethod
-    def parameters(cls, url: Url) -> Mapping[str, Rule]:
+    def parameters(cls, url: Url) -> Mapping[str, SettingRule]:
         """There are none."""
         return {}
 

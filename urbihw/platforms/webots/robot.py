@@ -32,7 +32,7 @@ from urbihw.platforms.webots.blobs import BlobDetector
 from urbihw.platforms.webots.driver import GRANTED, HELD_UP, SIMULATOR
 from urbihw.platforms.webots.media import Camera, Display, Receiver, Speaker
 from urbihw.platforms.webots.motors import DifferentialWheels, Servo, SimMotor
-from urbihw.platforms.webots.options import SPEEDS, Options
+from urbihw.platforms.webots.options import SPEEDS, WebotsOptions
 from urbihw.platforms.webots.scene import SimulatedScene
 from urbihw.platforms.webots.sensors import (
     GPS,
@@ -49,7 +49,7 @@ from urbihw.platforms.webots.sensors import (
     RangeFinder,
     TouchSensor,
 )
-from urbihw.platforms.webots.simulator import World
+from urbihw.platforms.webots.simulator import SimulatedWorld
 from urbihw.platforms.webots.supervisor import Label, ManipulateNode, SimulationController
 from urbihw.platforms.webots.surface import Shown
 from urbihw.settings import BadSetting
@@ -94,9 +94,9 @@ class Webots(WiredRobot):
     def init(self) -> None:
         """Called by ``new``; the worker is started by ``open``."""
         super().init()
-        self.options = Options()
+        self.options = WebotsOptions()
         self._wanted: RobotSettings
-        self._world: World | None = None
+        self._world: SimulatedWorld | None = None
         self._shown: dict[str, list[Shown]] = {}
         self._periods: dict[str, float] = {}
         self._motors: dict[str, SimMotor] = {}
@@ -148,7 +148,7 @@ class Webots(WiredRobot):
 
     def _apply_options(self, settings: RobotSettings) -> None:
         try:
-            self.options = Options.of(settings.options)
+            self.options = WebotsOptions.of(settings.options)
         except BadSetting as error:
             raise BadConfig(f"webots: {error}") from error
         self._wanted = settings
@@ -172,7 +172,7 @@ class Webots(WiredRobot):
     # ---------------------------------------------------------------- what devices use (``surface``)
 
     @property
-    def world(self) -> World:
+    def world(self) -> SimulatedWorld:
         """See ``Surface``."""
         if self._world is None:
             raise ValueError("the simulation is not there yet")
@@ -338,7 +338,7 @@ class Webots(WiredRobot):
             for device in self._shown.get(name, ()):
                 device.show(value, stamp)
 
-    def on_happened(self, message: m.Happened) -> None:
+    def on_happened(self, message: m.DeviceReport) -> None:
         """Report what the simulation could not do, and that it did not wait any longer."""
         if message.what == HELD_UP:
             self.log.warning("programs did not give way: the simulation went on without them at %.3f s", message.value)

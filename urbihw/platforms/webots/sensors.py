@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar, Final
 
 from urbihw.kernel.uobject import UObject, function, number, owned, reading, variable
-from urbihw.platforms.measured import Measured
+from urbihw.platforms.measured import MeasuredDevice
 from urbihw.platforms.webots import simulator as s
 from urbihw.platforms.webots import words
 from urbihw.platforms.webots.surface import surface_of
@@ -15,7 +15,7 @@ from urbihw.platforms.webots.surface import surface_of
 AXES: Final = "xyz"
 
 
-class SimSensor(Measured):
+class SimSensor(MeasuredDevice):
     """The base: ``load = 0`` ends the sampling of the device in the simulator, for all its objects."""
 
     slot_words = words.SENSOR

@@ -55,7 +55,7 @@ class SimDevice:
 
 
 @dataclass(frozen=True)
-class World:
+class SimulatedWorld:
     """What is known of a simulation when it is there.
 
     Attributes:
@@ -99,7 +99,7 @@ def no_such(kind: str, name: str, known: Collection[str]) -> str:
     return f"no {kind} {name!r}{guess}; there are: {', '.join(sorted(known))}"
 
 
-class Order(NamedTuple):
+class StepOrder(NamedTuple):
     """Something to do before the next step.
 
     ``verb`` is "enable" (``value``: period in ms, 0 to disable), "write" (an item of a device), "stop" (a motor),
@@ -113,7 +113,7 @@ class Order(NamedTuple):
     value: Any = None
 
 
-class Label(NamedTuple):
+class LabelText(NamedTuple):
     """A text over the view of the world: x, y and size are shares of it, colours and opacity go from 0 to 1."""
 
     number: int
@@ -147,14 +147,14 @@ class Outcome:
 class BackEnd(ABC):
     """A simulation; the base does the sampling."""
 
-    world: World
+    world: SimulatedWorld
 
     def __init__(self) -> None:
         self.elapsed_ms = 0
         self._periods: dict[str, int] = {}
         self._due: dict[str, int] = {}
 
-    def run(self, ms: int, orders: Sequence[Order]) -> Outcome:
+    def run(self, ms: int, orders: Sequence[StepOrder]) -> Outcome:
         """Execute orders, then let the simulation go on by ``ms``; 0 for not at all."""
         problems: list[str] = []
         ended = ""
@@ -183,7 +183,7 @@ class BackEnd(ABC):
             del self._due[name], self._periods[name]
             problems.append(str(error))
 
-    def _execute(self, order: Order) -> str:
+    def _execute(self, order: StepOrder) -> str:
         match order.verb:
             case "enable":
                 self._enable(order.device, int(order.value))
@@ -257,7 +257,7 @@ class BackEnd(ABC):
         """Put a node somewhere.  Raises ValueError."""
 
     @abstractmethod
-    def label(self, label: Label) -> None:
+    def label(self, label: LabelText) -> None:
         """Show a text over the view, where there is one; an empty one removes it."""
 
     @abstractmethod

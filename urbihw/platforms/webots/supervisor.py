@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from functools import partial
 
 from urbihw.kernel.uobject import UObject, UVar, function, number, owned, reading
-from urbihw.platforms.measured import Measured
+from urbihw.platforms.measured import MeasuredDevice
 from urbihw.platforms.webots import simulator as s
 from urbihw.platforms.webots import words
 from urbihw.platforms.webots.surface import Surface, surface_of
@@ -62,10 +62,10 @@ class Label(UObject):
         x, y, size, r, g, b, a = (
             float(var.sensed) for var in (self.x, self.y, self.size, self.r, self.g, self.b, self.a)
         )
-        self._surface.ask("label", s.Label(self._number, str(self.txt.sensed), x, y, size, r, g, b, a))
+        self._surface.ask("label", s.LabelText(self._number, str(self.txt.sensed), x, y, size, r, g, b, a))
 
 
-class ManipulateNode(Measured):
+class ManipulateNode(MeasuredDevice):
     """``ManipulateNode.new(name)``: where a node of the world is, and where it is put.
 
     ``ax``, ``ay``, ``az`` are a rotation vector: its direction is the axis, its length the angle in rad.

@@ -6,8 +6,8 @@ from typing import Any, Protocol, cast
 
 from urbihw.kernel.uobject import Motion, UObject
 from urbihw.platforms.channel import DeviceChannel
-from urbihw.platforms.webots.options import Options
-from urbihw.platforms.webots.simulator import World
+from urbihw.platforms.webots.options import WebotsOptions
+from urbihw.platforms.webots.simulator import SimulatedWorld
 
 SLOT = "webots"
 """The slot of Global with the robot."""
@@ -35,10 +35,10 @@ class Surface(Protocol):
 
     channel: DeviceChannel
     motion: Motion
-    options: Options
+    options: WebotsOptions
 
     @property
-    def world(self) -> World:
+    def world(self) -> SimulatedWorld:
         """What is in the world.  Raises ValueError before the simulation is there."""
         ...
 
