@@ -185,3 +185,22 @@ def test_a_wheel_that_does_not_say_whether_it_turns_is_told_to_stand(rig: Rig) -
     rig.kit.faults.start("silence", 3)
     assert stop_what_moves(cycle) == ()
     assert rig.kit.servo(3).registers.get("moving_speed") == 0
+
+
+@both_back_ends
+def test_a_position_of_a_while_ago_is_no_place_to_hold(rig: Rig) -> None:
+    cycle = start(rig)
+    cycle.watch(6, ("present_position",), 0.0, rig.clock.now())
+    cycle.set_target(6, "goal_position", 900)
+    for _ in range(20):
+        cycle.tick(rig.clock.now())
+        rig.clock.sleep_until(rig.clock.now() + 0.01)
+    # Nothing was read since, and the joint has moved on.
+    rig.clock.sleep_until(rig.clock.now() + 0.1)
+    rig.kit.tick(rig.clock.now())
+    reached, read = rig.kit.servo(6).position, cycle.members[6].place
+    assert read is not None and read + 20 < reached < 880
+    safe_stop(cycle)
+    rig.clock.sleep_until(rig.clock.now() + 1.0)
+    rig.kit.tick(rig.clock.now())
+    assert reached - 1 <= rig.kit.servo(6).position < 890

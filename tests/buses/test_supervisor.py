@@ -189,6 +189,23 @@ def test_the_next_one_knows_what_the_last_one_knew(rig: Rig) -> None:
     assert rig.worker.told == [limits]
 
 
+@pytest.mark.parametrize("told", (m.EmergencyStop("the red button"), None))
+def test_the_next_one_is_held_by_the_emergency_stop_of_the_last_one(rig: Rig, told: m.EmergencyStop | None) -> None:
+    if told is not None:
+        rig.supervisor.send(told)
+    else:
+        rig.worker.post(m.Latched("the red button"))
+    rig.worker.end("it died")
+    assert rig.worker.told == [m.EmergencyStop("the red button")]
+    rig.supervisor.send(m.Release("a user"))
+    rig.worker.end("it died")
+    assert rig.worker.told == []
+    rig.worker.post(m.Latched("the red button"))
+    rig.worker.post(m.Latched("", "a user"))
+    rig.worker.end("it died")
+    assert rig.worker.told == []
+
+
 def test_each_one_begins_a_later_epoch_than_all_that_was_heard(rig: Rig) -> None:
     rig.supervisor.send(m.Targets({}, 3))
     rig.worker.end("it died")

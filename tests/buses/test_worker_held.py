@@ -229,3 +229,27 @@ def test_a_slow_search_of_the_worker_is_no_silence_of_the_master(rig: Rig, monke
     assert of(m.Stopped, bench.run(3.2)) == []
     assert rig.kit.servo(6).registers.get("goal_position") == 900
     bench.close()
+
+
+def test_targets_of_before_the_silence_are_not_executed_ahead_of_the_stop(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = Bench(rig, m.Configure(dead_man=1.5))
+    bench.tell(m.Heartbeat())
+    bench.run(0.6)
+    driver = bench.engine._driver
+    given: list[m.Targets] = []
+    targets = driver.targets
+
+    def record(message: m.Targets) -> list[m.FromWorker]:
+        given.append(message)
+        return targets(message)
+
+    monkeypatch.setattr(driver, "targets", record)
+    rig.clock.sleep_until(rig.clock.now() + 4.0)
+    bench.tell(m.Targets({GOAL: 900}), m.Request(1, "write", *GOAL, 901))
+    heard = bench.run(0.5)
+    assert given == []
+    assert [reply.ok for reply in of(m.Reply, heard)] == [False]
+    assert len(of(m.Stopped, heard)) == 1
+    bench.close()

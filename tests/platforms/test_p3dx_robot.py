@@ -71,6 +71,16 @@ def test_an_older_robot_counts_otherwise() -> None:
     assert lab.number("P3dx.body.odometry.x") == pytest.approx(lab.where()[0], abs=0.005)
 
 
+@pytest.mark.parametrize("subclass", ["p2dx", "p2de", "p3dx"])
+def test_the_sonars_of_each_subclass_count_in_its_own_unit(subclass: str) -> None:
+    lab = Lab.ready(Kit(World.room(), slip=0.0, settings=Settings(subclass=subclass)))
+    lab.run(1.0)
+    for number in range(8):
+        assert lab.number(f"P3dx.sonarPart({number}).val") == pytest.approx(
+            lab.kit.robot.sonars.distance(number), abs=0.002
+        )
+
+
 def test_an_unknown_subclass_is_said(caplog: pytest.LogCaptureFixture) -> None:
     Lab.ready(Kit(World(), settings=Settings(subclass="p3dx-sh-lms500")))
     assert warnings(caplog) == []

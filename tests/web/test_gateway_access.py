@@ -65,6 +65,19 @@ def test_foreign_pages_do_not_open_the_socket(tmp_path: Path, headers: dict[str,
     play(tmp_path, test)
 
 
+@pytest.mark.parametrize("others", [["{base}", "{base}"], ["{base}", "http://evil.example"]])
+def test_two_origins_do_not_open_the_socket(tmp_path: Path, others: list[str]) -> None:
+    async def test(made: Site) -> None:
+        client = await made.paired()
+        headers = [("Origin", each.format(base=made.base)) for each in others]
+        with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+            await client.ws_connect(f"{made.base}/ws", headers=headers)
+        assert refused.value.status == 403
+        assert made.gateway.sessions == []
+
+    play(tmp_path, test)
+
+
 def test_the_own_origin_opens_the_socket(tmp_path: Path) -> None:
     async def test(made: Site) -> None:
         client = await made.paired()

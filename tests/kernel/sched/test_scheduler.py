@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -310,3 +311,100 @@ def frozen_entry(world: World) -> TagEntry:
     world.run()
     tag.freeze()
     return entries[0]
+
+
+def test_a_job_that_stops_its_own_tag_stops_the_others_first(world: World) -> None:
+    """``t: { sleep(0.5s); t.stop }, t: loop { ... },``: the running job is thrown out last."""
+    scheduler = world.scheduler
+    tag = Tag(scheduler, "t")
+
+    def stopper() -> None:
+        tag.enter()
+        scheduler.sleep(0.5)
+        tag.stop(None)
+
+    def other() -> None:
+        tag.enter()
+        while True:
+            scheduler.sleep(0.3)
+            world.said.append(world.clock.now())
+
+    scheduler.spawn(stopper)
+    scheduler.spawn(other)
+    scheduler.run_simulated(2.0)
+    assert world.said == [0.3]
+    assert not scheduler.jobs
+
+
+def family(world: World) -> tuple[Tag, Tag]:
+    """A tag and its grandchild."""
+    oldest = Tag(world.scheduler, "oldest")
+    middle = Tag(world.scheduler, "middle", oldest)
+    youngest = Tag(world.scheduler, "youngest", middle)
+    assert oldest.descendants() == [oldest, middle, youngest]
+    return oldest, youngest
+
+
+def under(world: World, tag: Tag, body: Callable[[], None]) -> Job:
+    """A job that runs a body under a tag, and says why it left."""
+
+    def run() -> None:
+        try:
+            tag.enter()
+            body()
+        except StopTag as signal:
+            world.said.append(signal.value)
+
+    return world.scheduler.spawn(run)
+
+
+def test_what_holds_for_a_tag_holds_for_its_grandchildren(world: World) -> None:
+    oldest, youngest = family(world)
+    scheduler = world.scheduler
+    under(world, youngest, lambda: scheduler.sleep(9))
+    scheduler.run_simulated(1.0)
+    oldest.stop("stopped")
+    scheduler.run_simulated(2.0)
+    assert world.said == ["stopped"]
+    oldest.block("blocked")
+    under(world, youngest, lambda: world.said.append("never"))
+    scheduler.run_simulated(3.0)
+    assert world.said == ["stopped", "blocked"]
+    oldest.unblock()
+    oldest.freeze()
+    under(world, youngest, lambda: world.said.append(world.clock.now()))
+    scheduler.run_simulated(4.0)
+    assert len(world.said) == 2
+    oldest.unfreeze()
+    scheduler.run_simulated(5.0)
+    assert world.said[2:] == [4.0]
+
+
+def test_a_frozen_job_whose_wait_is_over_goes_on_when_it_is_unfrozen(world: World) -> None:
+    scheduler = world.scheduler
+    tag, queue = Tag(scheduler, "t"), WaitQueue(scheduler)
+
+    def body() -> None:
+        queue.wait()
+        world.said.append(world.clock.now())
+        scheduler.sleep(1)
+        world.said.append(world.clock.now())
+
+    job = under(world, tag, body)
+    scheduler.run_simulated(1.0)
+    tag.freeze()
+    queue.wake_one()
+    scheduler.run_simulated(2.0)
+    assert job.held and world.said == []
+    scheduler.wake(job)
+    scheduler.run_simulated(3.0)
+    tag.unfreeze()
+    assert list(scheduler.ready).count(job) == 1
+    scheduler.run_simulated(9.0)
+    assert world.said == [3.0, 4.0]
+
+
+def test_timers_of_the_same_time_keep_their_order(world: World) -> None:
+    for number in range(5):
+        world.scheduler.call_at(1.0, lambda number=number: world.said.append(number))  # type: ignore[misc]
+    assert world.run() == [0, 1, 2, 3, 4]
