@@ -270,11 +270,11 @@ asyncio.run(main())
 ROOMY = """
 import asyncio, sys
 from urbihw.kernel import Kernel
-from urbihw.kernel.server.loop import Driver
+from urbihw.kernel.server.loop import LoopDriver
 from urbihw.kernel.server.tcp import Server
 async def main():
     kernel = Kernel()
-    server = Server(Driver(kernel.scheduler), kernel.open_lobby, max_clients=2000)
+    server = Server(LoopDriver(kernel.scheduler), kernel.open_lobby, max_clients=2000)
     open(sys.argv[1], "w").write(f"{await server.listen('127.0.0.1', 0)}\\n")
     await asyncio.Event().wait()
 asyncio.run(main())

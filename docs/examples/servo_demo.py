@@ -8,7 +8,7 @@ import sys
 from servo import Servo
 
 from urbihw.kernel import Kernel
-from urbihw.kernel.server.loop import Driver
+from urbihw.kernel.server.loop import LoopDriver
 from urbihw.kernel.server.tcp import Server
 
 
@@ -43,7 +43,7 @@ async def main(port: int) -> None:
     kernel = Kernel()
     register(kernel)
     kernel.programs.shutdown = over.set
-    driver = Driver(kernel.scheduler)
+    driver = LoopDriver(kernel.scheduler)
     server = Server(driver, kernel.open_lobby)
     await server.listen("127.0.0.1", port)
     await over.wait()

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from .mutants import ROOT, Mutant, load, problems
+from .table import ROOT, Mutant, load, problems
 
 PARTS: Final = ("urbihw", "fakes", "tests", "bench", "docs")
 FILES: Final = ("pyproject.toml", "README.md", "CONTRIBUTING.md", "Makefile")

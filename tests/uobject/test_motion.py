@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable
 
 from urbihw.kernel import Kernel
-from urbihw.kernel.errors import Refused
+from urbihw.kernel.errors import MovementRefused
 from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.uobject.motion import Motion, Origin
@@ -35,7 +35,7 @@ class Rig:
         def write() -> None:
             try:
                 self.motion.admit(device)
-            except Refused as error:
+            except MovementRefused as error:
                 found.append(error.message)
 
         self.kernel.scheduler.spawn(write, context=lobby)
@@ -98,7 +98,7 @@ def refusals(rig: Rig, device: Hashable, lobby: Lobby, meanwhile: Callable[[], N
     def write() -> None:
         try:
             rig.motion.admit(device)
-        except Refused as error:
+        except MovementRefused as error:
             said.append(error.message)
 
     def statement() -> None:
