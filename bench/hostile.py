@@ -42,7 +42,7 @@ HEAD = (
     f"{'attack':44}{'p99':>8}{'max':>8}{'busy':>8}{'held':>8}{'holds':>6}{'memory':>8}{'new':>5}{'SIGTERM':>9}{'log':>5}"
 )
 LONGEST, MOST = 160, 12
-"""Of the lines below a row: characters, and how many of a kind."""
+"""The lines below a row: how many characters, and how many lines of a kind."""
 
 
 def row(attack: Attack, outcome: Outcome) -> str:

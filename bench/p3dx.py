@@ -1,7 +1,7 @@
 """What a Pioneer costs: `python -m bench.p3dx [--seconds 10]`.
 
 First, in this process: microseconds of processor for one SIP (16 sonars) to be cut out of the stream and decoded, for a
-whole tick of the driver with it, and for the robot object to serve it to urbiscript, once with nobody listening and
+whole tick of the driver with it, and for the robot object to serve it to urbiscript, once without a listener and
 once with an `at` on each sonar. Then the whole daemon with its worker, a process of its own, before a simulated robot
 in a third one, at 10 and at 50 SIPs a second: share of a core of each. Last, the planner on a grid of 200 by 200 with a
 wall to go around twice, and how long a thread that wants to run every millisecond has to wait meanwhile.

@@ -3,7 +3,7 @@
 `python -m bench.panel --clicks 20` and `python -m bench.panel --minutes 5`.
 
 The body is that of a simulated Bioloid in this process: its wheel is looked at every millisecond.  It has the inertia
-of a real one, so two times are told: when it begins to brake, and when it has less than a hundredth of its speed.  The
+of a real one, so two times are shown: when it begins to brake, and when it has less than a hundredth of its speed.  The
 click is stamped by the browser, with the clock of the same machine.
 
 Memory is what the page's JavaScript uses after its garbage is collected, with 60 slots at 50 Hz in plots; the rings of

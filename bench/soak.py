@@ -68,7 +68,7 @@ PROGRAMS = (
 
 
 class Line:
-    """A connection that reads what it is told."""
+    """A connection that reads its output."""
 
     def __init__(self, port: int) -> None:
         self.socket = socket.create_connection(("127.0.0.1", port), TIMEOUT_S)
@@ -244,7 +244,7 @@ class State:
 
     @classmethod
     def of(cls, pid: int) -> State:
-        """Of a process; nothing of one that is gone."""
+        """The memory and open files of a process; 0 for one that is gone."""
         with contextlib.suppress(OSError):
             found = re.search(r"^VmRSS:\s*(\d+)", Path(f"/proc/{pid}/status").read_text("ascii"), re.M)
             return cls(int(found[1]) / 1000 if found else 0.0, len(os.listdir(f"/proc/{pid}/fd")))

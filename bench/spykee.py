@@ -1,7 +1,7 @@
 """What pictures and sound of a Spykee cost: `python -m bench.spykee [--seconds 10]`.
 
 The whole daemon with its worker, a process of its own, before a simulated robot in a third one, over TCP: first with
-nobody who looks, then with one program that follows the camera (20 pictures a second), then with one that follows the
+no program, then with one program that follows the camera (20 pictures a second), then with one that follows the
 microphone too and plays what it hears. For each the share of a core of daemon and worker, and how many pictures have
 come to urbiscript of those that the robot has sent.
 """

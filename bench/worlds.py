@@ -33,7 +33,7 @@ from urbihw_fakes.bodies.simulation import Simulation
 ROOT = Path(__file__).resolve().parents[1]
 MODELS = ROOT / "fakes" / "urbihw_fakes" / "bodies" / "models"
 BODY_STEP_S = 0.002
-"""Of all bodies here, so that they compare; the fakes make steps of 2 to 5 ms."""
+"""Step of all bodies here, s, so that they compare; the fakes make steps of 2 to 5 ms."""
 WARM_UP_S = 2.0
 PORT_TIMEOUT_S = 60.0
 

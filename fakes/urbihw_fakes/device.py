@@ -1,6 +1,6 @@
 """The base of all fake robots: bytes and a time in, timed answers out.
 
-A device knows no clock, no socket and no thread. Whoever serves it (`urbihw_fakes.endpoint`) says what time it is, in
+A device knows no clock, no socket and no thread. Its server (`urbihw_fakes.endpoint`) says what time it is, in
 seconds on any steady scale, and delivers each answer when its time has come.
 """
 

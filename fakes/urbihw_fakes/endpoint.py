@@ -108,7 +108,7 @@ class PtyEndpoint(Endpoint):
         try:
             os.write(self._ours, data)
         except BlockingIOError:
-            # Nobody reads and the buffer of the terminal is full: lost, as on a wire.
+            # There is no reader, and the buffer of the terminal is full: lost, as on a wire.
             pass
 
 

@@ -262,7 +262,7 @@ class Endpoint(ABC):
         try:
             os.write(self._wake_in, b"x")
         except OSError:
-            # Full: it is about to wake up anyway. Closed: there is nobody to wake.
+            # Full: it is about to wake up anyway. Closed: the other thread has ended.
             pass
 
 

@@ -1,9 +1,9 @@
 """The authority over motion in a bus worker: the motion epoch, and the latch of an emergency stop.
 
 Every write that may move the robot carries the epoch in which it was made.  Each stop advances the epoch; writes of an
-older epoch are refused from then on, whoever sends them.  An emergency stop also latches: until its release every write
+older epoch are refused from then on, from every sender.  An emergency stop also latches: until its release every write
 that may move the robot is refused.  The latch is stored in a file, so that a replacement worker finds it.  A file that
-is there holds, whatever it contains and even if it cannot be read: nobody has released the robot.
+is there holds, whatever it contains and even if it cannot be read: the robot was not released.
 """
 
 from __future__ import annotations

@@ -78,8 +78,8 @@ def lines_of(file: TextIO) -> Iterator[str]:
 def read_capture(lines: Iterable[str]) -> Iterator[Chunk | str]:
     """Yield the chunks of a capture, and the name of each exchange before its chunks.
 
-    A line without a time has that of the one before. Raises BadFrame, with its number, for a line that is none or too
-    long.
+    A line without a time has that of the one before. Raises BadFrame, with its number, for a line of another form or
+    too long.
     """
     time = 0.0
     for number, line in enumerate(lines, 1):

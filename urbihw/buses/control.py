@@ -6,7 +6,7 @@ A UNIX stream socket, mode 0660.  Each line is a JSON object, in both directions
     < {"ok": true, "do": "estop", "epoch": 4, "estop": "the red button", "link": true}
 
 Nothing here blocks: the engine calls `poll` between two transactions on the wire.  A client that does not read loses
-telemetry and is told how many messages; it never delays the worker or another client.
+telemetry and gets the number of lost messages; it never delays the worker or another client.
 """
 
 from __future__ import annotations
@@ -135,7 +135,7 @@ class _Client:
             if verb not in _URGENT:
                 self._send_error('"who" must be a text')
                 return None
-            # Whoever calls itself what, it wants the robot to stand.
+            # The robot must stand, whatever name the client gives itself.
             who = NAMELESS
         who = " ".join(who.split())[:100]
         # The name goes into logs, which are read in terminals, and into a file: no control characters, no surrogates.
@@ -302,7 +302,7 @@ class ControlSocket:
         except OSError:
             return []
         if len(self._clients) >= MAX_CLIENTS:
-            # Whoever comes now may want to stop the robot; whoever came first has had the time to.
+            # A new client may want to stop the robot; the oldest one has had time to do so.
             self._clients.pop(0).dismiss(f"{MAX_CLIENTS} clients at most: this one was the oldest")
         client = _Client(connection)
         self._clients.append(client)

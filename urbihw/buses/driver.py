@@ -20,7 +20,7 @@ class ImpliedTarget(NamedTuple):
 
     Attributes:
         device, item: what is written.
-        value: the raw value; nan if nobody knows: then any limit of it is exceeded.
+        value: the raw value; nan if unknown: then any limit of it is exceeded.
         rate: how fast it changes, counts per second; 0 if that is not of interest.
     """
 

@@ -141,7 +141,7 @@ class Engine:
         now = self._reports.step_begun_at = self._clock.now()
         self._inbox.receive(now)
         self._execute_urgent()
-        # Before the messages: they may be targets of before the silence.
+        # Before the messages: they may be targets that were sent before the silence.
         self._check_master(now)
         while self._inbox.messages:
             self._execute_message(self._inbox.messages.popleft(), now)
@@ -294,7 +294,7 @@ class Engine:
     # Stopping.
 
     def _stop_robot(self, reason: str, epoch: int | None = None) -> None:
-        """Stop the robot now, or as soon as the link is back; targets and requests of before are dropped."""
+        """Stop the robot now, or as soon as the link is back; earlier targets and requests are dropped."""
         self._authority.advance(epoch)
         self._gate.set_points.drop_courses()
         self._requests, stale = [], self._requests

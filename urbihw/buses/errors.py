@@ -6,7 +6,7 @@ The tree, drawn by the moment a failure happens::
       BadUrl            setup    the url cannot be understood                        (also a ValueError)
       Unavailable       setup    no such port, no rights, in use, library missing    (also an OSError)
       LinkGone          use      the adapter was unplugged, the peer closed          (also a ConnectionError)
-      BusTimeout        use      nobody answered in time                             (also a TimeoutError)
+      BusTimeout        use      no answer came in time                             (also a TimeoutError)
       BadFrame          use      an answer came, but damaged                         (also a ValueError)
       DeviceRefused     use      the device answered "no": a code and its meaning
       BadValue          use      a value or a name that this device cannot take      (also a ValueError)
@@ -30,7 +30,7 @@ class Unavailable(BusError, OSError):
     """The bus cannot be opened now: no such port, no rights, in use, connection refused, library missing."""
 
     def __str__(self) -> str:
-        # An OSError would put its number in front of the words, which helps nobody.
+        # An OSError would put its number in front of the words, which does not help the reader.
         return self.strerror or super().__str__()
 
 

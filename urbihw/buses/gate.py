@@ -55,7 +55,7 @@ class Gate:
         """Replace all limits and thresholds; the last measured values are judged by the new ones."""
         self.set_points.set_limits(message.table)
         targets, news = self._guards.set_thresholds(message.thresholds)
-        # What a threshold of before had changed is restored within the limits of now.
+        # A value that an earlier threshold had changed is restored within the present limits.
         within = {key: self._within_limit(key, raw, message.table.get(key)) for key, raw in targets.items()}
         return self._threshold_actions(within, [*news, Held(self._guards.held)])
 

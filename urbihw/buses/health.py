@@ -153,7 +153,7 @@ class HealthRecord:
             for key in [key for key in table if devices is None or key[0] in devices]:
                 del table[key]
 
-    # ---------------------------------------------------------------- what is told
+    # ---------------------------------------------------------------- the answer
 
     def fields(self, now: float, heard_at: float, link: bool) -> dict[str, Any]:
         """Return the fields of the answer; `heard_at` is the time of the last message of the parent."""

@@ -97,7 +97,7 @@ def _pairs(url: str, query: str) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Context:
-    """What a link may need from whoever opens it.
+    """What a link may need from the code that opens it.
 
     Attributes:
         clock: the time that deadlines are measured on.
@@ -131,7 +131,7 @@ class Port(ABC):
         self.bytes_read = 0
         self.bytes_written = 0
         self.observer: Callable[[str, bytes], None] | None = None
-        """Called with ">" or "<" and what was written or read; None, the usual case, for nobody."""
+        """Called with ">" or "<" and what was written or read; None, the usual case, without an observer."""
         self.before_wait: Callable[[float], None] | None = None
         """Called with the deadline before each wait for input: the worker gives its sign of life."""
         self._is_open = False

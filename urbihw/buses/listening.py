@@ -133,7 +133,7 @@ class BusListener:
             try:
                 link, (address, *_) = self._socket.accept()
             except OSError:
-                # Nobody is there, or this process has no descriptor left.
+                # No connection waits, or this process has no descriptor left.
                 return
             if not self._make_room(now):
                 link.close()

@@ -23,7 +23,7 @@ _KEPT = 1000
 _LAST_WORDS_S = 0.5
 """Seconds for the parent to read what is queued when the worker ends."""
 PIECE_BYTES: Final = 65_536
-"""Of a large message in one piece: as much as a pipe takes whenever it is writable."""
+"""Bytes of one piece of a large message: as many as a pipe takes whenever it is writable."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""What a measured item or a target means: a quantity with its SI unit, for whoever watches the health of a robot.
+"""What a measured item or a target means: a quantity with its SI unit, for the watch on the health of a robot.
 
 The quantities have the same names for all families: "position", "speed", "load", "current", "voltage", "temperature",
 "torque", "charge", and "alarm", whose value is a text.

@@ -44,7 +44,7 @@ class RobotLink:
     def open(self) -> list[FromWorker] | None:
         """Open the link and attach the driver; return what the driver tells, None if it failed.
 
-        Whoever called tells that the link is up (`LinkState`), after it has stopped the robot.
+        The caller reports that the link is up (`LinkState`), after it has stopped the robot.
         """
         try:
             port = buses.open(self._url, self._context)

@@ -19,9 +19,9 @@ Check = Literal["", "ok", "bad"]
 """The verdict on a checksum; "" where the protocol has none."""
 _SHOWN_BYTES: Final = 16
 _MOST_NOISE: Final = 4096
-"""Bytes without a packet that are told as one."""
+"""Bytes without a packet that are shown together."""
 _NOISE_S: Final = 1.0
-"""Seconds of bytes without a packet that are told as one: who watches a wrong speed sees it."""
+"""Seconds of bytes without a packet that are shown together: a wrong speed becomes visible."""
 
 
 class Chunk(NamedTuple):
@@ -74,7 +74,7 @@ MakeDecoder = Callable[[Sequence[Mapping[str, Any]]], TraceDecoder]
 
 
 class Cut(NamedTuple):
-    """How a stream begins: with a packet of ``size`` bytes, or (``noise``) with so many bytes that are none."""
+    """How a stream begins: with a packet of ``size`` bytes, or (``noise``) with so many bytes outside a packet."""
 
     size: int
     noise: bool = False

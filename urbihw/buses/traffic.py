@@ -1,7 +1,7 @@
 """The bytes on a worker's wire, collected for those who ask for them by the control socket (``trace``).
 
-Nothing is collected as long as nobody listens: a port then has no observer. What waits is bounded; more is dropped, the
-oldest first, and counted. Connections that a driver opens beside its port (`Port.twin`) are not seen.
+Nothing is collected as long as no client listens: a port then has no observer. What waits is bounded; more is
+dropped, the oldest first, and counted. Connections that a driver opens beside its port (`Port.twin`) are not seen.
 """
 
 from __future__ import annotations

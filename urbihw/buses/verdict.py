@@ -1,6 +1,6 @@
 """The verdict on the health of a robot: what is bad, what needs attention, and why.  No I/O.
 
-It judges the answer of a worker to the verb "health" (docs/safety.md), so that whoever asks can judge, while the
+It judges the answer of a worker to the verb "health" (docs/safety.md), so that each client can judge, while the
 interpreter is busy.  A field that is missing or of another type counts as absent.
 """
 

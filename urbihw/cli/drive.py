@@ -309,7 +309,7 @@ class KeyDriver:
                 signal.signal(each, handler)
 
     def _suspend(self) -> None:
-        """The base was told to stand; stop this process when it does, until the shell continues it."""
+        """The base has the order to stand; stop this process when it does, until the shell continues it."""
         outcome = self._bring_to_rest()
         self._suspending = False
         if self._ending:

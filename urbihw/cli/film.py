@@ -26,7 +26,7 @@ from urbihw.platforms.scene.recording import COMPILED, BadRecording, SceneRecord
 
 FORMATS: Final = (".webp", ".gif", ".png")
 QUALITY: Final = 60
-"""Of WebP, 1 to 100."""
+"""Quality of WebP, 1 to 100."""
 WIDTH, HEIGHT = 480, 360
 _PROGRAM: Final = """{fast}worldView.record({rate})|;
 var Global.filmProblem = nil|;

@@ -103,7 +103,7 @@ def pictures(link: LobbyClient, device: str, period: int) -> Iterator[PictureFil
 
 
 def one_picture(link: LobbyClient, device: str, period: int) -> PictureFile:
-    """One image.  A camera that is off while nobody reads it (slot ``on``) has an old one, so its next one is taken."""
+    """One image.  A camera that is off without a reader (slot ``on``) has an old one, so its next one is taken."""
     is_off = link.ask(f'{device}.hasSlot("on") && !{device}.on', TIMEOUT_S).shown == "true"
     line = link.ask(f"{device}.val", TIMEOUT_S)
     if is_off:

@@ -147,7 +147,7 @@ def _is_own_machine(host: str) -> bool:
 
 
 def _show_address(address: str, gateway: Gateway) -> None:
-    """Show the address with a code, for the browser of whoever has started this."""
+    """Show the address with a code, for the browser of the user who has started this."""
     code = gateway.pairings.make_code(gateway.settings.owner or "owner", "full", gateway.port)
     log.info("panel: open %s/pair?c=%s (good once, for two minutes; later: urbihw panel pair)", address, code)
 

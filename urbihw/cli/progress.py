@@ -1,4 +1,4 @@
-"""A progress bar in one line of a terminal; nothing if standard error is none."""
+"""A progress bar in one line of a terminal; nothing if standard error is not a terminal."""
 
 from __future__ import annotations
 

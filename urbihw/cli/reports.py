@@ -56,7 +56,7 @@ def collect(path: Path | None) -> list[Report]:
 
 
 def _replaced(path: Path, answer: control.Answer) -> control.Answer:
-    """The answer for a control socket where nobody listens: its daemon may be there, and start another bus worker."""
+    """The answer for a control socket without a listener: its daemon may be there, and start another bus worker."""
     client_socket = path.with_name(f"urbi-{path.stem.rpartition('-')[2]}.socket")
     if not client_socket.exists() or not accepts(client_socket):
         return answer

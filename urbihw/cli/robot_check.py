@@ -104,7 +104,7 @@ def _lost_devices(told: Mapping[str, Any]) -> set[str]:
 
 
 def check_line(line: ServoLine) -> BusReport:
-    """Measure a bus of servos that nobody serves: each servo is read several times.  Raises LinkGone."""
+    """Measure a bus of servos that no daemon serves: each servo is read several times.  Raises LinkGone."""
     report = BusReport()
     found, once = _look_twice(line)
     report.findings += _conflict_findings(found.conflicts)
@@ -209,7 +209,7 @@ def _describe(report: BusReport, meter: BusMeter, cycles: float, how: str) -> No
 
 
 def _error_findings(meter: BusMeter, cycles: float, lost: Collection[str], retries: int = 0) -> Iterator[ReportLine]:
-    """What went wrong on the wire, judged as by ``urbihw health``; devices that are `lost` are told there."""
+    """What went wrong on the wire, judged as by ``urbihw health``; the caller reports devices that are `lost`."""
     silent = {device: count for device, count in meter.silent.items() if device not in lost}
     among = f"in {cycles:.0f} cycles"
     if silent:

@@ -198,7 +198,7 @@ def restore(job: VerbJob) -> None:
         job.dialogue.say(f"not found: servo {', '.join(map(str, missing))}")
     problems, changed = [], []
     for device in found.values():
-        # All differences are told before the first is written.
+        # All differences are shown before the first is written.
         try:
             if _tell_changes(job, device, backups.get(device.id)):
                 changed.append(device)

@@ -213,7 +213,7 @@ def _show(source: TrafficSource, options: argparse.Namespace) -> int:
 
 
 def _private(path: str, flags: int) -> int:
-    """Open a file that only its owner can read: what robots are told may contain passwords."""
+    """Open a file that only its owner can read: messages to robots may contain passwords."""
     return os.open(path, flags, 0o600)
 
 

@@ -23,5 +23,5 @@ def check_url(url: str) -> None:
     try:
         buses.port_for(port, Context())
     except Unavailable:
-        # Its package is missing: whoever opens it says so.
+        # Its package is missing: the code that opens it says so.
         return

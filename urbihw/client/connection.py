@@ -1,8 +1,9 @@
 """A blocking connection of the client library, for any number of threads.
 
-It has no thread of its own: whoever waits for an answer reads the socket, also for the others; the others wait until
-their answer has come or the reader leaves.  So a command costs no more than the way to the server and back, and nothing
-is left behind when a program ends or is interrupted: Ctrl-C ends the waiting of the main thread only (``interrupts``).
+It has no thread of its own: the thread that waits for an answer reads the socket, also for the others; the others
+wait until their answer has come or the reader leaves.  So a command costs no more than the way to the server and
+back, and nothing is left behind when a program ends or is interrupted: Ctrl-C ends the waiting of the main thread
+only (``interrupts``).
 """
 
 from __future__ import annotations
@@ -81,7 +82,7 @@ class Connection:
         self._poll = select.poll()
         self._streams: list[Stream] = []
         self._forgotten: deque[Stream] = deque()
-        """Streams that nobody reads any more, of which the server has not been told."""
+        """Streams without a reader, which the server still sends."""
         self._session = Session(self._messages.append, asks_first)
         with self._turn:
             self._led = True
@@ -210,7 +211,7 @@ class Connection:
                 self._send(text)
 
     def forget_stream(self, stream: Stream) -> None:
-        """End a stream that nobody reads any more; the collector may call it anywhere, so the server is told later."""
+        """End a stream without a reader; the collector may call it anywhere, so the server hears of it later."""
         if stream.closed or self._socket is None:
             return
         stream.closed = True

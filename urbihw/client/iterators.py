@@ -50,7 +50,7 @@ class Items(Generic[S]):
         self.close()
 
     def __del__(self) -> None:
-        """Nobody can read it any more: the items are ignored, and the server is told at the next chance."""
+        """Called when the reader is gone: the items are ignored, and the server ends them at the next chance."""
         self._connection.forget_stream(self._stream)
 
 

@@ -43,7 +43,7 @@ class Slot:
     """
 
     def __init__(self, connection: Connection, path: str) -> None:
-        """Raises ValueError if the path is none."""
+        """Raises ValueError if the path is invalid."""
         self._connection = connection
         self.path = checked_path(path)
 
@@ -210,7 +210,7 @@ class Robot(UrbiObject):
         return wrapped(self._connection, answer, "")
 
     def stop(self, tag: str | None = None) -> None:
-        """Stop the robot, whoever moves it; with ``tag``, only what runs under this tag.
+        """Stop the robot, whatever moves it; with ``tag``, only what runs under this tag.
 
         Raises SlotMissing if this connection has no such tag, or the server no robot.
         """

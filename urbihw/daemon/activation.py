@@ -46,7 +46,7 @@ def passed_sockets(
 
 
 def _socket_at(descriptor: int, count: str) -> socket.socket:
-    """The socket of a descriptor.  Raises BadConfig if it is none."""
+    """The socket of a descriptor.  Raises BadConfig if it is not a socket."""
     try:
         return socket.socket(fileno=descriptor)
     except OSError as error:

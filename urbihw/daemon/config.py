@@ -271,7 +271,7 @@ def unusable_files(loaded: Loaded) -> Iterator[Complaint]:
 
 
 def _dead_man(config: Config) -> float:
-    """The dead man's time of the robot in s; that of the settings if the platform is unknown, which is told
+    """The dead man's time of the robot in s; that of the settings if the platform is unknown, which is reported
     elsewhere.
     """
     try:
@@ -285,7 +285,7 @@ def _files_beside(settings: Path, config: Config) -> dict[str, Any]:
     """The options, with the files that the platform wants named from the folder of the settings file."""
     try:
         names = platforms.load_options(platforms.find(config.platform)).files()
-    except BadConfig:  # an unknown platform, which is told elsewhere
+    except BadConfig:  # an unknown platform, which is reported elsewhere
         return config.options
     folder = settings.absolute().parent
     return {

@@ -32,7 +32,7 @@ def holder_of_file(path: str, proc: Path = PROC) -> str:
 
 
 def daemon_of_file(path: str, proc: Path = PROC) -> int:
-    """The process number of the urbihw daemon whose bus worker has a device open; 0 if it is none."""
+    """The process number of the urbihw daemon whose bus worker has a device open; 0 for another process."""
     for process in _holders({os.path.realpath(path)}, proc):
         try:
             words = (process / "cmdline").read_bytes().split(b"\0")

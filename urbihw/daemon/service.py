@@ -238,7 +238,7 @@ class DaemonService:
             raise StartError(f"cannot load a file: {problem}")
 
     def _tell_held_start(self, reason: str) -> None:
-        """The start takes long; nothing is told without a reason."""
+        """The start takes long; it is reported only with a reason."""
         if reason:
             log.warning("the port is not open yet: %s", reason)
 

@@ -60,7 +60,7 @@ class Kernel:
         """Open a lobby for a new connection; ``wanted(lobby)`` is called when it has output.
 
         It receives the banner unless ``programs.quiet``.  Library slots that programs have changed are restored, and
-        the client is told.
+        the client gets a message.
         """
         told = self.world.record.check()
         lobby = Lobby(self.world, self.programs, wanted, remote, limit)

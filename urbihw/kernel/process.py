@@ -51,7 +51,7 @@ UNREAD_LIMIT: Final = 8 * 1024 * 1024
 
 
 def resolver(future: asyncio.Future[T]) -> Callable[[T], None]:
-    """A function that gives a future its result; it does nothing when nobody waits any more."""
+    """A function that gives a future its result; it does nothing when the future is done or cancelled."""
 
     def resolve(result: T) -> None:
         if not future.done():

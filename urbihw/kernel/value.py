@@ -7,6 +7,6 @@ from typing import Any, TypeAlias
 Value: TypeAlias = Any
 """An urbiscript value: a Python ``float`` for a Float without slots of its own, else an ``Obj`` of the runtime.
 
-The checker is told no more than that it may be anything: nearly every value is asked for its class before it is used,
+The checker knows only that it may be anything: nearly every value is asked for its class before it is used,
 in places that are too hot for a second check.  ``Any`` elsewhere means that nothing is known.
 """

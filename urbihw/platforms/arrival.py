@@ -57,7 +57,7 @@ class Arriving(Protocol):
 
 
 class Arrival:
-    """Where one robot is on its way, and who is told.
+    """Where one robot is on its way, and who waits for its end.
 
     Attributes:
         stage: where it is.

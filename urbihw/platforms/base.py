@@ -54,7 +54,7 @@ _ABSENT: Final = """\
 """The object ``robot`` of a robot of which nothing is known yet; its tree takes the place of it."""
 
 LINK_DOWN: Final = "the link to the robot is down"
-"""Explains why a robot does not do what it is told."""
+"""Explains why a robot does not obey."""
 
 
 class WorkerHandle(Protocol):
@@ -363,7 +363,7 @@ class WiredRobot(GuardedRobot):
         if before and not texts:
             self.log.info("all expected devices are there, and no others")
         for kind, devices in zip(shown, (missing, unexpected, other), strict=True):
-            # A kind is told again only if there is more of it.
+            # A kind is reported again only if its number has grown.
             if not before.issuperset(shown[kind]):
                 self.log.warning("%s: %s", kind, ", ".join(devices))
 

@@ -34,7 +34,7 @@ def check_data(value: Any, depth: int = 0) -> None:
     """Raise ValueError unless a value of a program is data that the worker's process can get.
 
     Data are numbers, truth values, texts, bytes, None, and lists and dictionaries of data; an object of the
-    interpreter, such as a job or a function, is none.
+    interpreter, such as a job or a function, is not one.
     """
     if value is None or isinstance(value, bool | int | float | str | bytes | bytearray):
         return
@@ -131,7 +131,7 @@ class DeviceChannel:
                 self._send(message)
 
     def _tell_writers(self, origins: Mapping[Any, Origin]) -> None:
-        """Tell the worker who moves devices that somebody else moved before, or nobody since the last stop."""
+        """Tell the worker who moves devices that another client moved before, or no client since the last stop."""
         writers = {device: (origin.client, origin.epoch, origin.mark) for device, origin in origins.items()}
         news = {device: writer[0] for device, writer in writers.items() if self._writers.get(device) != writer}
         if news:

@@ -19,7 +19,7 @@ NETWORK_SCHEMES: Final = frozenset({"socket", "spykee", "qi", "qis", "libqi", "l
 """Schemes of bus urls whose host is the robot, or what connects it to the network."""
 LOOPBACK: Final = "127.0.0.1"
 _ELSEWHERE: Final = ("192.0.2.1", 9)
-"""An address that nobody has (RFC 5737): only the route to it is looked up."""
+"""An address that is never used (RFC 5737): only the route to it is looked up."""
 
 
 class IdentifiedRobot(PlatformRobot):

@@ -34,7 +34,8 @@ def text_of(request: Mapping[str, Any], name: str, default: str | None = None) -
 
 
 def path_of(request: Mapping[str, Any], name: str) -> str:
-    """The path of a slot; those of the gateway's own, which begin with ``__``, are none.  Raises WebRefusal."""
+    """The path of a slot; names of the gateway's own slots, which begin with ``__``, are refused.  Raises
+    WebRefusal."""
     try:
         path = checked_path(text_of(request, name, ""))
     except ValueError as error:

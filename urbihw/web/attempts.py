@@ -1,6 +1,6 @@
 """Wrong pairing codes: each is answered later than the one before it.
 
-A right code is never held up, so nobody can keep others out by wrong ones.  The codes are too long to be guessed (96
+A right code is never held up, so wrong ones do not keep others out.  The codes are too long to be guessed (96
 bits); this keeps those who try from costing much, and from being overlooked.
 """
 

@@ -1,8 +1,8 @@
 """The TCP connections of the gateway: accepted, bounded and ended.
 
-Whoever reaches the port may open connections, so those that have not shown the cookie of a paired browser, the
-strangers, are few: a new one takes the place of the oldest one.  A paired browser shows its cookie with its first
-request, and then no stranger takes its place.  A connection without a whole request for ``IDLE_S`` is closed.
+Every computer that reaches the port may open connections, so those that have not shown the cookie of a paired
+browser, the strangers, are few: a new one takes the place of the oldest one.  A paired browser shows its cookie with
+its first request, and then no stranger takes its place.  A connection without a whole request for ``IDLE_S`` is closed.
 """
 
 from __future__ import annotations
@@ -201,7 +201,7 @@ class Connections:
         elif len(strangers) >= MAX_STRANGERS:
             self._replace(strangers, counts.most_common(1)[0][0])
         elif len(self.open) >= MAX_CONNECTIONS:
-            # Browsers open again what they need.  Of WebSockets there are fewer than that.
+            # Browsers open again what they need.  There are fewer WebSockets than that.
             self._drop(next(each for each in self.open if not each.is_socket))
 
     def _replace(self, strangers: list[_Connection], address: str) -> None:

@@ -78,7 +78,7 @@ class Gateway:
         while True:
             await asyncio.sleep(REMOVED_PERIOD_S)
             if self.sessions:
-                with contextlib.suppress(ValueError):  # BadConfig: nobody is removed while the file cannot be read
+                with contextlib.suppress(ValueError):  # BadConfig: no browser is removed while the file cannot be read
                     known = {each.digest for each in self.pairings.browsers()}
                     for session in list(self.sessions):
                         if session.browser.digest not in known:

@@ -35,7 +35,7 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class RequestGuard:
-    """The middleware of the gateway: it refuses foreign hosts, foreign origins and what is no reading."""
+    """The middleware of the gateway: it refuses foreign hosts, foreign origins and methods that do not read."""
 
     def __init__(self) -> None:
         name = socket.gethostname().lower()

@@ -19,7 +19,7 @@ Request = Mapping[str, Any]
 
 
 async def run(session: WebSession, request: Request) -> dict[str, Any]:
-    """Run text in the console of the browser; its output is told by events."""
+    """Run text in the console of the browser; its output comes as events."""
     text = text_of(request, "text")
     if len(text) > MAX_TEXT:
         raise WebRefusal(f"a text has {MAX_TEXT} characters at most", "limit")

@@ -1,6 +1,6 @@
 """A connection to the lobby of a server with asyncio: questions with answers, and all other output.
 
-Each question has a channel of its own, so that answers may come in any order, and are told from other output.
+Each question has a channel of its own, so that answers may come in any order, and differ from other output.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ class LobbyLink(asyncio.Protocol):
     def _forget(self, channel: str, done: asyncio.Future[Line]) -> None:
         self._waiting.pop(channel, None)
         if not done.cancelled():
-            done.exception()  # an answer that nobody awaits may be an error
+            done.exception()  # an answer that is not awaited may be an error
 
     async def ask(self, body: str, timeout: float = ANSWER_TIMEOUT_S, *, text: bool = False) -> Line:
         """The line with the value of an expression.  Raises LobbyError."""
@@ -185,7 +185,7 @@ class LobbyLink(asyncio.Protocol):
         for line in lines:
             waiting = self._waiting.get(line.channel) if line.channel.startswith(_ANSWER) else None
             if waiting is None:
-                if not line.channel.startswith(_ANSWER):  # else an answer that nobody waits for any more
+                if not line.channel.startswith(_ANSWER):  # else an answer that is no longer awaited
                     self._heard(line)
             elif line.stamp is not None and not waiting.done():
                 if line.is_error:

@@ -21,10 +21,10 @@ DEAD_MAN_S: Final = 0.3
 """Seconds without an order of the pad after which the base stands."""
 MAX_SPEED: Final = 20.0
 TAKEN_S: Final = 0.1
-"""Seconds in which a movement that fails at once is told as the answer; a later error is told as output."""
+"""Seconds in which a movement that fails at once fails the answer; a later error comes as output."""
 MAX_ARGUMENTS: Final = 8
 MAX_NUMBER: Final = 1e9
-"""Greatest number that role drive writes; nan, inf and what no float can be are none."""
+"""Greatest number that role drive writes; nan, inf and numbers beyond a float are refused."""
 _PER_RAD: Final = {"rad": 1.0, "deg": 180 / math.pi, "turn": 0.5 / math.pi}
 _SOUND: Final = re.compile(r"raw [12] [0-9]{4,6} (8|16) [12]", re.ASCII)
 Request = Mapping[str, Any]
@@ -111,14 +111,14 @@ async def play_sound(session: WebSession, request: Request) -> dict[str, Any]:
     if session.role != "full" and not session.gateway.robot.tree.may_write(slot):
         raise WebRefusal(f"{slot} is no effector of the robot", "role")
     session.gateway.take_lease(session)
-    # The link encodes text as UTF-8, bytes that are none as they are.
+    # The link encodes text as UTF-8, and leaves other bytes as they are.
     content = samples.decode("utf-8", "surrogateescape")
     await session.link.ask(f"{written_path(slot)} = BIN {len(samples)} {keywords};{content}; 1")
     return {}
 
 
 async def call(session: WebSession, request: Request) -> dict[str, Any]:
-    """Call a function.  One that takes long is answered at once; how it ends is told as output."""
+    """Call a function.  One that takes long is answered at once; its end comes as output."""
     slot = path_of(request, "slot")
     arguments = request.get("args", [])
     if not isinstance(arguments, list) or len(arguments) > MAX_ARGUMENTS:
@@ -199,7 +199,7 @@ async def lease(session: WebSession, request: Request) -> dict[str, Any]:
 
 
 async def _taken(session: WebSession, running: asyncio.Future[Line]) -> Line | None:
-    """The answer of what ends at once; None for what goes on: its error is told as output.  Raises LobbyError."""
+    """The answer of what ends at once; None for what goes on: its error comes as output.  Raises LobbyError."""
     done, _ = await asyncio.wait((running,), timeout=TAKEN_S)
     if done:
         return running.result()

@@ -1,6 +1,6 @@
 """What a browser has not read yet: answers and events in order, and the newest of what comes again and again.
 
-A slow browser holds nobody else: of samples only the newest few are kept, and those left out are counted; other
+A slow browser delays no other: of samples only the newest few are kept, and those left out are counted; other
 messages are bounded, and a browser with too many is disconnected.
 """
 

@@ -1,8 +1,8 @@
 """The browsers that may come in: one-time codes, and the cookies of paired browsers.
 
-A code is good once, for two minutes; the browser that presents it gets a cookie for 30 days.  Of codes and cookies only
-salted hashes are kept, in the folder of the tokens.  The files are read at each use: ``urbihw panel pair`` and
-``remove`` change them while the gateway runs.
+A code is good once, for two minutes; the browser that presents it gets a cookie for 30 days.  Only
+salted hashes of codes and cookies are kept, in the folder of the tokens.  The files are read at each use: ``urbihw
+panel pair`` and ``remove`` change them while the gateway runs.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Stop, emergency stop, release and state of a robot on another machine: by the daemon, on port 54000.
 
 Its bus worker is not reached from here, so a program that holds the interpreter holds these, too: what is not answered
-is told as not confirmed.
+is reported as not confirmed.
 """
 
 from __future__ import annotations

@@ -422,7 +422,7 @@ def parse_request(text: str) -> dict[str, Any]:
 
 
 def _plain_id(request: Mapping[str, Any]) -> int | float | str | None:
-    """The number of a request, which its answer repeats; None without one, or for what is none."""
+    """The number of a request, which its answer repeats; None without a valid one."""
     number = request.get("id")
     return number if isinstance(number, int | float) or isinstance(number, str) and len(number) <= MAX_ID else None
 

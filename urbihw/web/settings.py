@@ -43,7 +43,7 @@ class WebSettings:
         port_file: file for the port, written when browsers can connect; None for none.
         tls: the context for TLS; None for plain HTTP, on this machine only.
         folder: folder of the paired browsers.
-        owner: the name of whoever started the gateway, for the first browser.
+        owner: the name of the user who started the gateway, for the first browser.
         limits: those of role drive.
     """
 

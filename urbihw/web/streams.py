@@ -18,7 +18,7 @@ MAX_HZ: Final = 200.0
 MAX_DEVICE_HZ: Final = 50.0
 HEADER_TIMEOUT_S: Final = 3.0
 LOOKED_S: Final = 0.2
-"""Seconds in which the server has usually looked at all slots; errors that come later are told as events."""
+"""Seconds in which the server has usually looked at all slots; later errors come as events."""
 MAX_TOLD: Final = 10
 """Errors in the answer to a subscription of which nothing can be read."""
 Request = Mapping[str, Any]

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from urbihw_fakes.bodies.simulation import Simulation
 
 FRICTION = 0.02
-"""Of soles that glide."""
+"""Friction of soles that glide."""
 PULL = 50.0
 """1/s: how hard it pulls towards a speed."""
 MOST_PUSH, MOST_TWIST = 2.0, 8.0

@@ -19,7 +19,7 @@ from urbihw_fakes.dynamixel.ax12 import DEGREES
 from urbihw_fakes.dynamixel.axs1 import AxS1
 
 PERIOD = 2 * STEP
-"""s between two advances of the body while nobody asks."""
+"""s between two advances of the body without a request."""
 LONGEST_GAP = 10.0
 """s; a longer pause of the caller is no time for the body."""
 MIDDLE = 511.5
@@ -98,7 +98,7 @@ class Humanoid(Bioloid):
         return super().tick(now)
 
     def due(self) -> float | None:
-        """When the body wants to move on: it falls also while nobody asks, and a request finds it up to date."""
+        """When the body wants to move on: it falls also without a request, and a request finds it up to date."""
         return None if self._body_now is None else self._body_now + PERIOD
 
     # --- the body -------------------------------------------------------------------------------------------------

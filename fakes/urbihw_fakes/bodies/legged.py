@@ -72,7 +72,7 @@ class LeggedBody(Body):
             self._step(PERIOD)
 
     def due(self) -> float | None:
-        """When it wants to move on: it falls also while nobody asks."""
+        """When it wants to move on: it falls also without a request."""
         return None if self._now is None else self._now + PERIOD
 
     def _move(self, dt: float) -> None:
@@ -149,7 +149,7 @@ class LeggedBody(Body):
         """Where it is, and where it faces: m, m, rad."""
         return self.simulation.pose(self._torso)
 
-    # ---------------------------------------------------------------- what it is told, and what is done to it
+    # ---------------------------------------------------------------- its orders, and what is done to it
 
     def put(self, x: float, y: float, heading: float) -> None:
         """Somebody puts it on its feet there: m, m, rad; its joints stay as they are."""

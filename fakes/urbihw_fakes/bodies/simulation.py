@@ -199,7 +199,7 @@ class Simulation:
         self.model.geom_size[geom] = (half, half, half)
         self.model.geom_aabb[geom][3:] = half
         self.model.geom_rbound[geom] = half * math.sqrt(3)
-        # The box around its body, by which a body of several geoms is told from it.
+        # The box around its body, by which a body of several geoms differs from it.
         self.model.bvh_aabb[self.model.body_bvhadr[self.model.geom_bodyid[geom]], 3:] = half
         self._place_crate(number, (x, y, half))
         self._crates.append(geom)

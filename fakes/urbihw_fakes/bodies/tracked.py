@@ -1,6 +1,6 @@
 """A Spykee whose tracks run in MuJoCo, and whose camera sees its world.
 
-A track follows the speed it is told with the plain body's acceleration; what the floor makes of it is physics.  The
+A track follows its set speed with the plain body's acceleration; what the floor makes of it is physics.  The
 dock is at the site ``dock`` of the world, else 1 m behind the start.
 """
 

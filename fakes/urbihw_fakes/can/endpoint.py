@@ -97,5 +97,5 @@ class BusEndpoint(Endpoint):
                 if self._bus is not None:
                     self._bus.send(message)
             except can.CanError:
-                # Nobody takes it: lost, as on a wire.
+                # No node takes it: lost, as on a wire.
                 pass

@@ -11,9 +11,9 @@ from canopen import objectdictionary as od
 DEVICE_TYPE = 0x00020192  # a servo drive, profile 402
 MODES = 0x2D  # profile position, profile velocity, profile torque, homing
 INCREMENTS = 4096
-"""Of the encoder, in one turn of the motor."""
+"""Increments of the encoder in one turn of the motor."""
 RATED_TORQUE = 1270
-"""Of the motor, in mN m; target and actual torque are in thousandths of it."""
+"""Rated torque of the motor, mN m; target and actual torque are in thousandths of it."""
 
 _U8, _U16, _U32 = od.UNSIGNED8, od.UNSIGNED16, od.UNSIGNED32
 _I8, _I16, _I32 = od.INTEGER8, od.INTEGER16, od.INTEGER32

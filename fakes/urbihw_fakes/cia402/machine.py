@@ -32,7 +32,7 @@ STATUS = {
 VOLTAGE, REMOTE, REACHED, LIMIT, SETPOINT = 0x0010, 0x0200, 0x0400, 0x0800, 0x1000
 POSITION, VELOCITY, TORQUE, HOMING = 1, 3, 4, 6
 MODES = frozenset((0, POSITION, VELOCITY, TORQUE, HOMING))
-"""Modes of operation that can be chosen; 0 is none."""
+"""Modes of operation that can be chosen; 0 means no mode."""
 NEGATIVE_SWITCH, POSITIVE_SWITCH = 17, 18
 HOMING_METHODS = frozenset((NEGATIVE_SWITCH, POSITIVE_SWITCH, 35, 37))
 SWITCHES = (-3.0, 3.0)

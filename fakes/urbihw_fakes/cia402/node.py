@@ -222,7 +222,7 @@ class Drive(CanNode):
     def _store_pdo(self, pdo: PdoMap) -> None:
         if len(pdo.data) * 8 >= pdo.length:
             for variable in pdo:
-                # A value that the drive refuses leaves the object as it was; nobody is told.
+                # A value that the drive refuses leaves the object as it was, without an answer.
                 with contextlib.suppress(canopen.SdoAbortedError):
                     self._node.set_data(variable.index, variable.subindex, variable.data)
 

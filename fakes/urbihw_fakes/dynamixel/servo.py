@@ -72,7 +72,7 @@ class Shaft(Unit):
         raise NotImplementedError
 
     def commanded_speed(self, kind: str) -> float:
-        """Return the speed in counts/s that it is told; of a positioned servo its cruise speed."""
+        """Return the set speed in counts/s; for a positioned servo its cruise speed."""
         raise NotImplementedError
 
     @property

@@ -99,7 +99,7 @@ class Urg(Device):
             times = [_encode(int(now * 1000) % 2**24, 4)] if command == "TM1" else []
             return _reply(command, "00", times)
         if command == "%ST":
-            # Of the newer models (hokuyolx): standing by, or scanning.
+            # The newer models (hokuyolx) know: standing by, or scanning.
             return _reply(command, "00", [b"004" if self._wanted else b"000"])
         if name in ("PP", "VV"):
             return _reply(command, "00", _rows(name), semicolon=True)

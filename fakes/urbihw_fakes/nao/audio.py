@@ -31,7 +31,7 @@ class Calls(Protocol):
     """How a module of a client is called: its name, a method, its arguments."""
 
     def __call__(self, name: str, method: str, arguments: tuple[Any, ...]) -> None:
-        """Call it; nobody waits for the answer."""
+        """Call it; its answer is not awaited."""
         ...
 
 
@@ -105,7 +105,7 @@ class AudioDevice(Service):
 
     @method("sendRemoteBufferToOutput", "(im)", "b")
     def play(self, frames: int, data: Any) -> bool:
-        """Play a piece: at most 16384 frames; false for what is none."""
+        """Play a piece: at most 16384 frames; false for another value."""
         if not isinstance(data, bytes) or not 0 < frames <= MOST_FRAMES or len(data) != frames * CHANNELS * 2:
             return False
         samples = array.array("h", data)

@@ -46,7 +46,7 @@ FALL = 3.0
 STEP = 0.01
 """Seconds of a step of the simulation at most."""
 FASTEST = (0.12, 0.08, 0.6)
-"""Of walking: m/s, m/s, rad/s."""
+"""Largest speeds of walking: m/s, m/s, rad/s."""
 ACCELERATION = (0.3, 0.3, 1.5)
 """What walking speeds up and slows down by: m/s2, m/s2, rad/s2."""
 STIFF = 0.05
@@ -148,7 +148,7 @@ class PostureMotion:
         return all(joint.arrived and joint.command == self.goals[name] for name, joint in self.joints.items())
 
     def ended(self) -> bool:
-        """Whether it is over: all joints are there, or one was told something else since, or is slack."""
+        """Whether it is over: all joints are there, or one got another order since, or is slack."""
         replaced = (joint.command != self.goals[name] or joint.stiffness < STIFF for name, joint in self.joints.items())
         return self.reached() or any(replaced)
 
@@ -171,7 +171,7 @@ class Feeling:
 
 
 class Body:
-    """The whole robot; ``x``, ``y``, ``heading`` are where it is, ``walk`` its speeds, ``asked`` those it was told.
+    """The whole robot; ``x``, ``y``, ``heading`` are where it is, ``walk`` its speeds, ``asked`` those of its orders.
 
     ``on_step`` are called before each step of the simulation, with its time; ``on_posture`` before a posture begins;
     ``on_tip`` when it tips over, ``on_fall`` when it has fallen.
@@ -211,7 +211,7 @@ class Body:
         self._now = max(now, self._now)
 
     def due(self) -> float | None:
-        """When it wants to move on, though nobody asks: never."""
+        """When it wants to move on, without a request: never."""
         return None
 
     def _step(self, dt: float) -> None:
@@ -263,7 +263,7 @@ class Body:
         if all(abs(way) < 0.004 for way in ways) and all(abs(speed) < 0.03 for speed in self.walk):
             self.goal, self.asked = None, [0.0, 0.0, 0.0]
 
-    # ---------------------------------------------------------------- what it is told
+    # ---------------------------------------------------------------- its orders
 
     @property
     def legs_stiff(self) -> bool:

@@ -46,7 +46,7 @@ class Words:
         return "ok"
 
     def set_charge(self, words: list[str]) -> str:
-        """Of the battery."""
+        """Set the charge of the battery, in percent."""
         self._body.charge = min(1.0, max(0.0, float(words[0]) / 100))
         return "ok"
 
@@ -87,7 +87,7 @@ class Words:
         return "\n".join(f"{joint.name:16} {joint.angle:8.3f} stiffness {joint.stiffness:.2f}" for joint in joints)
 
     def tell_calls(self, words: list[str]) -> str:
-        """Of one method of any service, or of all of them."""
+        """Count the calls of one method of any service, or of all methods."""
         calls = [service.calls for service in self._robot.services.values()]
         return str(sum(each[words[0]] if words else each.total() for each in calls))
 

@@ -10,7 +10,7 @@ STATES = ("solitary", "interactive", "disabled", "safeguard")
 
 
 class Logger(Service):
-    """ALLogger.  ``lines`` are what was told: level, module, text."""
+    """ALLogger.  ``lines`` are its entries: level, module, text."""
 
     name = "ALLogger"
 

@@ -3,7 +3,7 @@
 A command is a point of a timeline of its actuator.  In each cycle of 10 ms the actuator gets the value that the
 straight line from the last point that has passed to the next one has at that time; with no point ahead it keeps the
 last value.  A point that is dated in the past acts in the next cycle.  The line begins at the last point even if that
-is long ago, so whoever sends only a point ahead lets the joint leap.
+is long ago, so a client that sends only a point ahead lets the joint leap.
 """
 
 from __future__ import annotations

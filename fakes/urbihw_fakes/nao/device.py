@@ -143,7 +143,7 @@ class Nao(Device):
     # ---------------------------------------------------------------- power
 
     def power_off(self, now: float, who: int | None = None) -> None:
-        """See `Device`: the motors are slack; nobody is told that the connections are gone."""
+        """See `Device`: the motors are slack; the services do not hear that the connections are gone."""
         self.body.advance(now)
         self.body.powered = False
         self.body.slack()

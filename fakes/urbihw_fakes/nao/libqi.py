@@ -2,7 +2,7 @@
 
 Each service is registered as an object of libqi whose methods have the exact signatures.  libqi calls them on its own
 threads; they do nothing there but hand the work to the thread that serves the robot, and return a future.  So a method
-that blocks holds nobody, calls keep their order, and the robot's time goes on by one clock.
+that blocks delays no other, calls keep their order, and the robot's time goes on by one clock.
 
 libqi wants a process of its own.  Its threads may still hold objects of Python when the session is closed, and abort a
 process that ends by the book; so once there was such an end point, the process ends without the interpreter's clean-up.
@@ -224,7 +224,7 @@ class _LibqiService(ForeignService):
 
 
 def _leave() -> None:
-    """End the process now; an exception that nobody caught has been printed, and is a failure."""
+    """End the process now; an uncaught exception has been printed, and is a failure."""
     sys.stdout.flush()
     sys.stderr.flush()
     os._exit(1 if hasattr(sys, "last_type") else 0)

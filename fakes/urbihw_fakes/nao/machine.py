@@ -28,7 +28,7 @@ def find_machine_id(home: Path | None = None) -> str:
     except FileExistsError:
         return _read(file) or made
     except OSError:
-        # Nobody keeps it: clients of libqi on this computer have another one each time, too.
+        # It is not kept: clients of libqi on this computer have another one each time, too.
         return str(uuid.uuid5(uuid.NAMESPACE_DNS, socket.gethostname()))
     return made
 

@@ -40,7 +40,7 @@ class Server:
         calling: whose message is carried out.
         unsent: messages to clients, and to whom.
         dial: connects to an end point of a client (raises Failed); there is none without a network.
-        on_disconnect: is told of each connection that is gone.
+        on_disconnect: called for each connection that is gone.
     """
 
     def __init__(self, user: str, password: str, disturb: Callable[[bytes], tuple[float, bytes]]) -> None:

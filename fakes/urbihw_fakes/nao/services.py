@@ -31,7 +31,7 @@ class Failed(Exception):
 
 
 def as_failure(error: Exception) -> Failed:
-    """What a caller is told of an exception of a method: NAOqi turns each one into an error answer."""
+    """What a caller hears of an exception of a method: NAOqi turns each one into an error answer."""
     return error if isinstance(error, Failed) else Failed(f"{type(error).__name__}: {error}")
 
 
@@ -129,7 +129,7 @@ class Service:
         """Time has passed; a service that does something by itself does it here."""
 
     def is_active(self) -> bool:
-        """Whether ``advance`` must be called soon, though nobody calls a method."""
+        """Whether ``advance`` must be called soon, without a call of a method."""
         return False
 
     def find_object(self, thing: int) -> Service:
@@ -210,7 +210,7 @@ COMMON = (
 
 
 def finite(value: Any) -> float:
-    """A number.  Raises Failed for what is none, and for inf and nan."""
+    """A number.  Raises Failed for another value, and for inf and nan."""
     if not isinstance(value, int | float) or not math.isfinite(value):
         raise Failed(f"{value!r:.40} is no number")
     return float(value)

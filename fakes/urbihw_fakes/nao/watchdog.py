@@ -80,5 +80,5 @@ class Watchdog(Service):
 
     @method("version", "()", "m")
     def tell_version(self) -> str:
-        """Of the program."""
+        """Version of the program."""
         return str(self._service.version())

@@ -19,7 +19,7 @@ SHOULDER = (0.0, 0.098, 0.1)
 UPPER, LOWER = 0.105, 0.114
 """Lengths of the links, m."""
 HEIGHT = 0.33
-"""Of the torso above the feet, m."""
+"""Height of the torso above the feet, m."""
 ARMS = {"LArm": "L", "RArm": "R"}
 TURNED = ("ShoulderPitch", "ShoulderRoll", "ElbowYaw", "ElbowRoll")
 PACE = 1.2

@@ -62,7 +62,7 @@ class NxtDevice(Device):
         return []
 
     def due(self) -> float | None:
-        """When a robot in a world wants to move on, though nobody asks."""
+        """When a robot in a world wants to move on without a request."""
         return None if self.robot.pace is None or not self.brick.now else self.brick.now + self.robot.pace
 
     def hang_up(self) -> None:

@@ -31,7 +31,7 @@ class TriBot:
         slip: share of the wheels' rotation that is lost; the encoders do not show it.
         obstacle: metres to an object in front of the sensor; None for the wall only.
         pushed: the bumper is pressed by hand.
-        pace: s after which it wants to move on while nobody asks; None: it catches up when asked.
+        pace: s after which it wants to move on without a request; None: it catches up when asked.
     """
 
     pace: float | None = None

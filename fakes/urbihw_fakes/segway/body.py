@@ -56,17 +56,17 @@ class Body:
 
     @property
     def left_speed(self) -> float:
-        """Of the left wheel on the ground, m/s."""
+        """Speed of the left wheel on the ground, m/s."""
         return self.speed - self.turn * WHEEL_DISTANCE / 2
 
     @property
     def right_speed(self) -> float:
-        """Of the right wheel on the ground, m/s."""
+        """Speed of the right wheel on the ground, m/s."""
         return self.speed + self.turn * WHEEL_DISTANCE / 2
 
     @property
     def loaded_volts(self) -> float:
-        """Of the battery, while the motors pull."""
+        """Voltage of the battery, while the motors pull."""
         return self.volts - _SAG * (abs(self.left_torque) + abs(self.right_torque))
 
     def drive(self, speed: float, turn: float, acceleration: float, balancing: bool) -> None:

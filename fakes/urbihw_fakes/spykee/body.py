@@ -49,7 +49,7 @@ class Body:
         self._left_at = 0.0
         self._now: float | None = None
 
-    # ---------------------------------------------------------------- what it is told
+    # ---------------------------------------------------------------- its orders
 
     def drive(self, left: float, right: float) -> None:
         """Let the tracks run; on the dock it does not, and a search is over."""
@@ -83,7 +83,7 @@ class Body:
         self._dock()
 
     def cut_power(self) -> None:
-        """It coasts, and forgets what it was told."""
+        """It coasts, and forgets its orders."""
         self.powered, self.doing, self.wanted = False, "", [0.0, 0.0]
 
     # ---------------------------------------------------------------- time

@@ -43,9 +43,9 @@ class Spykee(Device):
     Attributes:
         body, microphone, speaker: its parts.
         on_close: what ends the connection; who serves it puts it here.
-        user, password: who may come in; connected: who has, "" for nobody.
-        leds, volume, sounds (ids that were played), files (by id), settings, networks, log_lines: what it was told.
-        music: the files that were played; cut_music: how often a new file has ended the one that was playing.
+        user, password: who may come in; connected: the user that has, "" without one.
+        leds, volume, sounds (ids that were played), files (by id), settings, networks, log_lines: what clients have
+        sent. music: the files that were played; cut_music: how often a new file has ended the one that was playing.
         frames: pictures that were sent; dark: there is no light in the room but its own.
     """
 

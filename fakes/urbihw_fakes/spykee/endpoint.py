@@ -105,7 +105,7 @@ class SpykeeEndpoint(TcpEndpoint):
             peer.close()
 
     def _refuse(self, ready: int) -> None:
-        """Somebody has the robot; who logs in meanwhile is told so, and the line is closed."""
+        """Somebody has the robot; another login gets this answer, and the line is closed."""
         other = self._others.pop(ready)
         with contextlib.suppress(OSError):
             data = other.recv(CHUNK)

@@ -1,7 +1,7 @@
 """The error codes of emergency messages in words.
 
 Source: CiA 301 (classes of codes), and CiA 402-2 "Error codes" as makers' manuals quote it. Where a code is not listed,
-the class of its first two digits or of its first digit is told. Codes FFxx are the maker's own.
+the class of its first two digits or of its first digit is shown. Codes FFxx are the maker's own.
 """
 
 from __future__ import annotations

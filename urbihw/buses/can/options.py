@@ -1,4 +1,4 @@
-"""What a worker of CiA 402 drives may be told beyond what every worker is told (`messages.Configure.options`)."""
+"""What the settings of a worker of CiA 402 drives hold, beside those of every worker (`messages.Configure.options`)."""
 
 from __future__ import annotations
 

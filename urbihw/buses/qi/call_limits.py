@@ -16,7 +16,7 @@ MOST_TEXT: Final = 4096
 DEEPEST: Final = 8
 """Lists and maps in each other."""
 CALLS_A_SECOND: Final = 100.0
-"""Of one caller, on average."""
+"""Calls per second of one caller, on average."""
 CALL_BURST: Final = 32
 """Calls of one caller at once, after a pause."""
 

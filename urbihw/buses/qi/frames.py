@@ -56,7 +56,7 @@ class QiFramer:
     def feed(self, data: bytes) -> list[QiMessage]:
         """The messages that are complete with these bytes.
 
-        Raises BadFrame at a header that is none: after it nothing in the stream can be believed.
+        Raises BadFrame at an invalid header: after it nothing in the stream can be believed.
         """
         buffer = self._buffer
         buffer += data

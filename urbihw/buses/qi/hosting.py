@@ -8,8 +8,8 @@ Others reach it at an end point of ours, which is open only while there are obje
 the connection on which it was registered.
 
 The end point is on the address by which this computer reaches the robot: on loopback for a robot on loopback.  It is
-not encrypted; so over ``qis://`` there is none unless an address is given, for whoever logs in there would send the
-robot's password in clear.
+not encrypted; so over ``qis://`` there is none unless an address is given, for a client that logs in there would
+send the robot's password in clear.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ Then = Callable[[str], None]
 
 
 def ignore_outcome(problem: str) -> None:
-    """Of an object whose owner does not ask whether it is registered."""
+    """Does nothing: the default of an object whose owner does not ask whether it is registered."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ class Hosting:
         """Offer an object under a name, or change what is offered under it.
 
         ``then("")`` is called when it is registered, ``then(problem)`` when the robot refuses it, which is then
-        forgotten; with ``insist`` it is tried again instead.  Raises BadValue for a signature that is none, LinkGone.
+        forgotten; with ``insist`` it is tried again instead.  Raises BadValue for an invalid signature, LinkGone.
         """
         served = ServedObject(name, description, methods)
         entry = self._entries.get(name)

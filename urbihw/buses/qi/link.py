@@ -1,8 +1,8 @@
 """``qi://`` and ``qis://``: the connection to NAOqi on a robot, by its address; plain, and encrypted (TLS).
 
 The port is 9559, or 9503 for ``qis://``, where none is written.  The certificate of a robot is signed by itself, so
-nobody vouches for it: ``?fingerprint=`` pins it, ``?ca=`` names a file of certificates of which one must have signed
-it.  Without either the connection is encrypted, but its other end is anybody; ``warning`` says so.
+no authority vouches for it: ``?fingerprint=`` pins it, ``?ca=`` names a file of certificates of which one must have
+signed it.  Without either the connection is encrypted, but its other end is anybody; ``warning`` says so.
 
 Bytes that wait in this computer would make a stop late, and a robot that acknowledges nothing any more must be given up
 soon, for what it was told to do it goes on doing.

@@ -29,7 +29,7 @@ class Login:
     """Who logs in.
 
     Attributes:
-        user, token: "" for a robot that asks nobody.
+        user, token: "" for a robot without a login.
         user_key, token_key: under which names the two are sent.
         token_file: where a token is kept that the robot hands out; "" to accept none.  Once there, it replaces
             ``token``.
@@ -60,7 +60,7 @@ class Login:
         return found
 
     def words(self) -> dict[str, Any]:
-        """The credentials as they are sent; none for a robot that asks nobody.  Raises Unavailable."""
+        """The credentials as they are sent; none for a robot without a login.  Raises Unavailable."""
         token = self.current_token()
         return {self.user_key: self.user, self.token_key: token} if self.user or token else {}
 
@@ -139,7 +139,7 @@ def describe_hang_up(where: str) -> str:
 
 
 def describe_closed_port(host: str, port: int, reason: str) -> str:
-    """The sentence for a port that nobody listens on, or a host that is not there."""
+    """The sentence for a closed port, or a host that is not there."""
     return (
         f"cannot connect to {host}:{port} ({reason}); is the robot on, and has NAOqi started? NAOqi 2.9 listens for "
         f"qis://{host} only"

@@ -51,7 +51,7 @@ class MetaObject:
     def from_value(cls, value: Any) -> Self:
         """The description in a decoded answer to ``metaObject``.
 
-        Members with a signature or a name that is none are left out.  Raises BadFrame for another form.
+        Members with an invalid signature or name are left out.  Raises BadFrame for another form.
         """
         rows, signals, properties = to_row(value, 3)[:3]
         methods: dict[str, list[Method]] = {}

@@ -1,6 +1,6 @@
 """Objects of ours that others call by QiMessaging: what they offer, and calls that come in.  No I/O.
 
-``ObjectServer`` answers messages that arrive on any connection; a ``Caller`` is whoever has sent one.  A method gets an
+``ObjectServer`` answers messages that arrive on any connection; a ``Caller`` is the sender of one.  A method gets an
 ``IncomingCall`` and answers it at once or later::
 
     def add(call: IncomingCall) -> None:
@@ -64,7 +64,7 @@ class IncomingCall:
 
     Attributes:
         arguments: the values, as they came.
-        cancelled: called when nobody waits for the answer any more: the caller has left, has cancelled the call, or has
+        cancelled: called when the answer is no longer awaited: the caller has left, has cancelled the call, or has
             waited too long.
     """
 
@@ -153,7 +153,7 @@ class ServedObject:
 
 @dataclass(eq=False)
 class _Pending:
-    """A call under way; ``number`` is the caller's, None when nobody waits for the answer."""
+    """A call under way; ``number`` is the caller's, None when no answer is wanted."""
 
     call: IncomingCall
     caller: object

@@ -140,7 +140,7 @@ class QiSession(ABC):
 
     @abstractmethod
     def authenticate(self, login: Login | None = None) -> None:
-        """Log in, by default as nobody.  Raises Unavailable, LinkGone."""
+        """Log in, by default without a name.  Raises Unavailable, LinkGone."""
 
     @abstractmethod
     def names(self) -> list[str]:

@@ -314,7 +314,7 @@ class Cycle:
         except (BusTimeout, BadFrame, DeviceRefused):
             member.health.record_probe(self.bus.clock.now(), False)
             if self.bus.auto and not member.device.is_known:
-                # It is expected, but nobody knows its protocol: the next probe tries the other one.
+                # It is expected, but its protocol is unknown: the next probe tries the other one.
                 self.bus.protocols[number] = 3 - protocol
             return
         member.drop_targets()

@@ -151,7 +151,7 @@ class ServoDriver(Driver):
         return [device for number, device in wanted.items() if number not in there]
 
     def _identify_robot(self, found: list[DeviceInfo]) -> None:
-        """Set `identity`: it stays while all that answer are devices of before; servos have no serial numbers."""
+        """Set `identity`: it stays while only known devices answer; servos have no serial numbers."""
         if not all(_same_kind(self._told.get(info.id), info) for info in found) or (found and not self.identity):
             self.identity = describe_devices(found)
 

@@ -5,7 +5,7 @@ by its homing offset, where it has one), `observe` (the range), `result` (what g
 `write_calibration` sets the limits of a servo.
 
 Feetech and Dynamixel give the homing offset opposite signs, so the sign is found by trying. A Dynamixel X in position
-mode applies at most a quarter of a turn: if the middle cannot be reached, the offset becomes 0 and that is told.
+mode applies at most a quarter of a turn: if the middle cannot be reached, the offset becomes 0, and a message says so.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""What a worker on a Dynamixel wire may be told beyond what every worker is told (`messages.Configure.options`)."""
+"""What the settings of a worker on a Dynamixel wire hold, beside those of every worker
+(`messages.Configure.options`)."""
 
 from __future__ import annotations
 

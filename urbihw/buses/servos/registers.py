@@ -2,7 +2,7 @@
 
 Before any write the torque is switched off, and it stays off. Goals, and switching the torque on, are refused. A
 locked EEPROM is unlocked for the write and locked again (Feetech); that of an AX stays locked until it loses power,
-which is told. Every write is read back.
+which is reported. Every write is read back.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ LOCK: Final = "lock"
 STORE_TIME: Final = 0.02
 """Seconds that a servo may need to store a byte, in which it may be silent."""
 _RETRIES: Final = 8
-"""Of a read: here a busy computer must not look like a silent servo, and time is no matter."""
+"""Attempts of a read: a busy computer must not look like a silent servo, and time does not matter here."""
 OWN_COMMANDS: Final = {
     "id": "urbihw servo set-id", "baud_rate": "urbihw servo set-baud", LOCK: "no command: it is set as needed",
 }  # fmt: skip

@@ -178,7 +178,7 @@ def _confirm(bus: ServoBus, heard: dict[int, Status], doubtful: set[int]) -> Ser
 
 
 def _ping_repeatedly(bus: ServoBus, device: int) -> str:
-    """Ping a doubtful id a few times and decode all answers: "nobody", "one" or "crowd" answers to it."""
+    """Ping a doubtful id a few times and decode all answers: "none", "one" or "crowd" of devices."""
     ping = packet.ping_packet(bus.protocol, device)
     crowded = silent = 0
     for _ in range(_CONFLICT_PINGS):
@@ -192,7 +192,7 @@ def _ping_repeatedly(bus: ServoBus, device: int) -> str:
         decoder.flush()
         crowded += answers > 1 or decoder.noise > 0
         silent += not answers and not decoder.noise
-    return "crowd" if 2 * crowded > _CONFLICT_PINGS else "nobody" if silent == _CONFLICT_PINGS else "one"
+    return "crowd" if 2 * crowded > _CONFLICT_PINGS else "none" if silent == _CONFLICT_PINGS else "one"
 
 
 def identify(bus: ServoBus, number: int, pong: Status | None = None) -> ServoDevice:

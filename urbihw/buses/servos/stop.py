@@ -96,7 +96,7 @@ def execute_pending_stops(cycle: Cycle) -> None:
 def stop_what_moves(cycle: Cycle, members: Iterable[Member] | None = None) -> tuple[int, ...]:
     """Stop those of the servos (None: of all) that are moving although this cycle has not moved them; tell which.
 
-    One that turns and does not answer is told to stand all the same: it may hear. Raises LinkGone.
+    One that turns and does not answer gets the stop all the same: it may hear. Raises LinkGone.
     """
     bus = cycle.bus
     moving = []

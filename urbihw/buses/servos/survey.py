@@ -140,7 +140,8 @@ class _Meter:
 
 
 def _wanted_ids(link: Link, protocols: Sequence[int], thorough: bool) -> dict[int, list[int] | None]:
-    """Return the ids to ping at one speed (None: all), by protocol; nothing where nobody answers.  Raises LinkGone."""
+    """Return the ids to ping at one speed (None: all), by protocol; nothing where no device answers.  Raises
+    LinkGone."""
     wanted: dict[int, list[int] | None] = {}
     if 1 in protocols and (thorough or link.baud in _FACTORY_BAUDS_SCS or _anybody_1(link)):
         wanted[1] = None

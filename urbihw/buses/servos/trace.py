@@ -176,7 +176,8 @@ class ServoDecoder(StreamDecoder):
             self._expected[number] = place
             return what, self._names(number, protocol, place)
         elif code in (_WRITE, _REG_WRITE) and len(params) > width:
-            # Whether a write is answered depends on the status return level, so nobody is missed.
+            # Whether a write is answered depends on the status return level, so a silent servo is not counted as
+            # missing.
             self._expected[number] = None
             return what, self._values(number, protocol, int.from_bytes(params[:width], "little"), params[width:])
         else:

@@ -2,7 +2,7 @@
 
 The gate clamps the goal of a joint and leads it there no faster than allowed, and it clamps the speed of a wheel.  A
 current, a PWM and a step from the present position tell neither how fast nor how far the servo goes.  A raw write that
-changes the mode makes a register mean something else, and one of torque lets the servo go to a goal of before: the
+changes the mode makes a register mean something else, and one of torque lets the servo go to an old goal: the
 slots `mode` and `load` write a goal at rest with it.  The range of a position holds for joints; a wheel has none.
 
 Apart from limits: what takes a servo off the line is never written by the robot, since no stop would reach it then.
@@ -40,7 +40,7 @@ _FRAME: Final = frozenset({"homing_offset", "drive_mode", "multi_turn_offset", "
 def check_line(name: str, raw: Any) -> None:
     """Raise BadValue for a write after which the servo would not be heard, or not be reached by a stop.
 
-    Of the status return level only 0 is such a write: the servo then answers pings only.
+    A status return level of 0 is such a write: the servo then answers pings only.
     """
     if name in _LINE and (name != "status_return_level" or raw == 0):
         raise BadValue(

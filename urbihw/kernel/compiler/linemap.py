@@ -1,7 +1,7 @@
 """From an instruction of generated code back to urbiscript.
 
 Generated Python carries no real line numbers: the "line" of each instruction is an index into the table of its unit.
-An entry holds the span of the urbiscript node, the name of the call made there (None if it is none), and the entry
+An entry holds the span of the urbiscript node, the name of the call made there (None without a call), and the entry
 that encloses it as an invisible call: the body of a for-each counts as called by ``each``.
 """
 

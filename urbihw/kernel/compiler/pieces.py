@@ -63,7 +63,7 @@ class Linker:
 
 class _Facts:
     """The facts about a stretch of Python code: its size, the variables with the number of their uses, the written
-    variables, and whether it may leave the enclosing function or loop.  Of nested functions, the captured variables
+    variables, and whether it may leave the enclosing function or loop.  For nested functions, the captured variables
     count.
     """
 

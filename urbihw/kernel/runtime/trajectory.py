@@ -158,7 +158,7 @@ class Trajectory:
                 self._write(curve(t))
         last = self._world.as_float(self._read(), 1, "-")
         if math.isnan(last):
-            # Nobody knows where a lost device is: the limit of the speed can only act from the first value on.
+            # The position of a lost device is unknown: the limit of the speed can only act from the first value on.
             last = limits.inside(curve(0.0))
         reach = limits.speedmax * self._period
         for t in self._steps():

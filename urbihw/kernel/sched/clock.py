@@ -70,7 +70,7 @@ class LedClock:
         self._now, self._led = max(self.now(), seconds + self.ROUNDING_S), True
 
     def release(self) -> None:
-        """Nobody leads any more: go on in real time."""
+        """Go on in real time: the clock is no longer led."""
         if self._led:
             self._led, self._since = False, time.monotonic()
 

@@ -76,7 +76,7 @@ class LoopDriver:
             clock.idle(deadline)
         delay = deadline - clock.now()
         if isinstance(clock, LedClock) and clock.is_led and delay > 0:
-            return  # whoever leads the clock posts the next step
+            return  # the leader of the clock posts the next step
         if delay <= 0:
             # Not call_soon: input that has arrived on the sockets meanwhile goes first.
             self._timer = self._loop.call_soon(self.drive)

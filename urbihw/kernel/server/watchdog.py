@@ -3,7 +3,7 @@
 It makes ``run`` return from time to time, so that an endless loop of ``;`` does not starve the sockets.  With bounds,
 
 - a job that holds the interpreter gets an error, which it can catch; if it goes on, it is ended.  What counts is the
-  processor time of the scheduler's thread: on a loaded machine a short job takes long, and harms nobody;
+  processor time of the scheduler's thread: on a loaded machine a short job takes long, and does no harm;
 - so does a job that exhausts the memory (``memory``).
 
 The thread cannot raise an error in another thread.  It sends the scheduler's thread a signal, whose handler arms the

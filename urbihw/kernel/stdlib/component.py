@@ -1,7 +1,7 @@
 """Component: a node of a robot's structure tree, implemented in urbiscript (manual, chapter 22).
 
-The native half finds the compact names, and stores them: those of the robot belong to the library, whoever has them
-made.
+The native half finds the compact names, and stores them: those of the robot belong to the library, whichever program
+has them made.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ from urbihw.kernel.value import Value
 TABLE = Table("System")
 
 MAX_JOBS: Final = 500
-"""Jobs in a text, and tags; the number of all is told."""
+"""Jobs in a text, and tags; the total number is shown."""
 ACTIONS: Final[dict[str, Callable[[World, Tag], None]]] = {
     "stop": lambda world, tag: tag.stop(world.void),
     "freeze": lambda world, tag: tag.freeze(),

@@ -80,7 +80,7 @@ class _Slot:
         return None if isinstance(self.value, Executable) else self.value
 
     def is_missing(self) -> bool:
-        """Whether the device does not have a slot that its interface promises: nobody provides it, or it is nil."""
+        """Whether the device does not have a slot that its interface promises: it is not provided, or it is nil."""
         if isinstance(self.value, Promise):
             return self.value.getter is None and self.value.default is self._nil
         return self.content() is self._nil and not (self.meta is not None and self.meta.getter)
@@ -90,7 +90,7 @@ class _Slot:
         if self.meta is not None and self.meta.constant:
             return False
         if isinstance(self.value, Promise):
-            return self.value.setter is not None  # else nobody provides it
+            return self.value.setter is not None  # else it is not provided
         if self.accessor is not None:
             return bool(getattr(self.accessor, "writable", True))
         return not isinstance(self.value, Executable | Event)

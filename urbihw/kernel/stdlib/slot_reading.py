@@ -1,7 +1,7 @@
 """Slots by their path, such as ``motor6.val`` or ``robot.joint[6].val``, read again and again without a compiler.
 
 A path only reads: it takes values, variables of devices, getters, and functions that are declared to tell a number
-(they have a unit).  No other function is called, so that nobody stops a robot by subscribing ``robot.stop``.
+(they have a unit).  No other function is called, so that no client stops a robot by subscribing ``robot.stop``.
 """
 
 from __future__ import annotations

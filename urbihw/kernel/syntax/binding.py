@@ -116,23 +116,23 @@ class BoundNode:
         self.frame: FunctionFrame | None = None
         """The Python function whose body the node is."""
         self.function: FunctionFrame | None = None
-        """Of a function literal: the Python function that it becomes."""
+        """The Python function that a function literal becomes."""
         self.names: list[Local | None] = []
-        """Of a pattern: what it declares, in the order of the text; None for a slot of this."""
+        """What a pattern declares, in the order of the text; None for a slot of this."""
         self.scope_tag: Local | None = None
-        """Of a scope: its tag, if that is used."""
+        """The tag of a scope, if it is used."""
         self.apart = False
         """Whether the node is a function of its own because it is too deep inside others."""
         self.detaches = False
-        """Of the body of a loop: whether it starts jobs that run on independently, under the tags of the job that
+        """Whether the body of a loop starts jobs that run on independently, under the tags of the job that
         started them."""
         self.piece: str | None = None
-        """Of an operation of a very long sum: the variable that stores its value, empty if another operation's variable
+        """The variable that stores the value of an operation in a very long sum, empty if another operation's variable
         does."""
         self.lazy = False
-        """Of a call or a choice: whether its arguments are functions, since its name may mean a lazy function."""
+        """Whether the arguments of a call or a choice are functions, since its name may mean a lazy function."""
         self.known: Known | None = None
-        """Of a call: the locals that its arguments name."""
+        """The locals that the arguments of a call name."""
 
     def __reduce__(self) -> tuple[Callable[[], BoundNode], tuple[()]]:
         """Copies of nodes and nodes loaded from the disk are not bound."""

@@ -169,7 +169,7 @@ class SourceText:
 
     @property
     def extent(self) -> tuple[int, int]:
-        """Of the statement so far: the number of lines below the first, and the column behind it in its last line."""
+        """Where the statement so far ends: the number of lines below its first, and the column behind it."""
         lines = self._relative_line - 1
         return lines, self._at - (self._origin if lines else self._relative_origin)
 

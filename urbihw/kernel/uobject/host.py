@@ -113,7 +113,7 @@ class Host:
     # ---------------------------------------------------------------- time that a simulation leads
 
     def lead_time(self, seconds: float) -> None:
-        """It is this time of the kernel's clock, until the next call; of no effect on a clock that nobody leads."""
+        """It is this time of the kernel's clock, until the next call; it has no effect on a clock that is not led."""
         clock = self.world.scheduler.clock
         if isinstance(clock, LedClock):
             clock.lead(seconds)

@@ -3,7 +3,7 @@
 
 ``URTP`` is the class that remotes of the C++ SDK use to set up RTP, if both ends have it (manual, section 3.15).  Their
 packet format is not supported here (see ``rtp``).  A remote that has the class, or requests an instance of this
-server's, is told once not to use RTP; its values are then sent on the connection.
+server's, gets one message not to use RTP; its values are then sent on the connection.
 """
 
 from __future__ import annotations

@@ -15,12 +15,12 @@ from urbihw.navigation.lasers import rplidar
 from urbihw.navigation.lasers.driver import LaserDriver, LaserInfo, LaserScan
 
 BAUD: Final = 115200
-"""Of an A1 and A2; an A3 needs ``?baud=256000``."""
+"""Bits per second of an A1 and A2; an A3 needs ``?baud=256000``."""
 ANSWER_TIMEOUT_S: Final = 0.5
 STOP_PAUSE_S: Final = 0.02
 """Seconds to wait after STOP before the next request (at least 1 ms)."""
 DUTY_CYCLE: Final = 660
-"""Of 1023: the maker's value."""
+"""Duty cycle of the motor as the maker sets it; 1023 is full."""
 FARTHEST: Final = 0xFFFF / 4000
 """m: the largest distance of the protocol.  The maker's A1 measures to 12 m, the A2 to 18 m."""
 _RESOLUTION: Final = 2 * math.pi / rplidar.BINS

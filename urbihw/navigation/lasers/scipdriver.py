@@ -15,7 +15,7 @@ from urbihw.navigation.lasers import scip
 from urbihw.navigation.lasers.driver import LaserDriver, LaserInfo, LaserScan, within
 
 BAUD: Final = 115200
-"""Of no effect on USB; a URG-04LX on its serial line starts with ``?baud=19200``."""
+"""Bits per second; without effect on USB. A URG-04LX on its serial line starts with ``?baud=19200``."""
 ANSWER_TIMEOUT_S: Final = 0.5
 
 

@@ -1,6 +1,6 @@
-"""What calls of services let joints and the walk do, as far as it can be told: limits hold for that too; no I/O.
+"""What calls of services let joints and the walk do, as far as it is known: limits hold for that too; no I/O.
 
-Methods fall into three kinds.  Of some it is known which angles and speeds their arguments mean (``METHODS``).  Some
+Methods fall into three kinds.  For some it is known which angles and speeds their arguments mean (``METHODS``).  Some
 are never refused: they stop something, set a stiffness, or let the robot stand up or sit down, at NAOqi's own pace
 (``FREE``).  All others of the services that move (``MOVING``) may do anything: where a joint or the walk has a limit,
 they are refused.
@@ -71,7 +71,7 @@ class CallLimits:
         return list(self.find_anything())
 
     def find_anything(self, walk: bool = True) -> Targets:
-        """Nobody knows what moves."""
+        """The moving parts are unknown."""
         for joint in self._speeds:
             yield _target(joint, math.nan, math.inf)
         if walk:

@@ -248,7 +248,7 @@ class CallPart(NaoPart):
         self.exchange.news += [Reply(message.reply_id, False, error=reason) for message in delayed]
 
     def _stop_behaviours(self, of_others: bool) -> None:
-        """End the behaviours that were begun here, or all: nobody knows which of them moves the robot."""
+        """End the behaviours that were begun here, or all: any of them may move the robot."""
         behaviours, self._behaviours = self._behaviours, {}
         service = self.exchange.find_service(BEHAVIOURS) if behaviours or of_others else None
         if service is None:
@@ -259,5 +259,5 @@ class CallPart(NaoPart):
             self.exchange.post(service, "stopBehavior", name)
 
     def is_moving(self) -> bool:
-        """See ``Part``: nobody knows when it ends, so it counts until a stop is over."""
+        """See ``Part``: its end is unknown, so it counts until a stop is over."""
         return self._moved or (self._ends_own and self._ends_at > 0)

@@ -133,7 +133,7 @@ class NaoCamera(Streamed):
         return CameraMode(index, resolution, detail, quality, self.rate.sensed)
 
     def _answered(self, reply: Reply) -> None:
-        # Without a link it is told when the link is back.
+        # Without a link it is asked for when the link is back.
         if not reply.ok and self._is_linked():
             self.lost(reply.error)
 

@@ -1,8 +1,8 @@
 """The cameras: pictures of ALVideoDevice while somebody wants them.
 
 Pictures come over a session of their own, so that a large one on a slow network delays nothing but the next picture.
-It is opened by the request "film" and closed when nobody wants pictures any more.  One picture is asked for at a time,
-and never more than ``rate`` of them in a second.
+It is opened by the request "film" and closed when no client wants pictures any more.  One picture is asked for at a
+time, and never more than ``rate`` of them in a second.
 
 NAOqi keeps a handle whose client is gone, and gives at most six to one name: what an earlier worker has left is
 given back at the login, and ours at each stop of the whole robot, with which the end of a worker begins.

@@ -19,7 +19,7 @@ ALMemory: from then on it comes as a ``Happened`` of ("event", KEY), until "unli
 Each kind of thing is a ``Part``; one more kind is one more module with a part and a line in ``NaoDriver.__init__``.
 
 A stop lets the robot stop walking, and joints that are under way hold where they are: none gets slack.  What services
-were told to do is ended with ``killAll``.  A Nao whose link is lost goes on with what it was told last: a joint to its
+were told to do is ended with ``killAll``.  A Nao whose link is lost goes on with its last order: a joint to its
 goal, a walk without end, until the link is back, or until the program ``watchdog.py`` on the robot stops it; the fall
 manager of NAOqi is never switched off here.
 """

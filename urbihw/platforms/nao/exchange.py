@@ -102,7 +102,7 @@ class NaoExchange:
     ) -> None:
         """Call a method; ``then`` gets its answer, and raises BadFrame for one of another form.
 
-        A failure is told as ``Refused`` of ``kind``.  Raises LinkGone.
+        A failure is reported as ``Refused`` of ``kind``.  Raises LinkGone.
         """
         session = self.session
 
@@ -122,7 +122,7 @@ class NaoExchange:
             self.news.append(Refused(kind, method, str(error)))
 
     def post(self, service: QiService, method: str, *arguments: Any) -> None:
-        """Call a method and want no answer; that a robot has no such method is told.  Raises LinkGone."""
+        """Call a method and want no answer; that a robot has no such method is reported.  Raises LinkGone."""
         try:
             self.session.post(service, method, *arguments)
         except BadValue as error:

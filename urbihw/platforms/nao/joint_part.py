@@ -139,7 +139,7 @@ class JointPart(NaoPart):
         self._hold(self._names)
         self._writer = writer
         if old is self._dcm and self._dcm.moved:
-            # ALMotion still has the goals of before.
+            # ALMotion still has the old goals.
             places = {name: self.orders.where[name] for name in self._dcm.moved}
             self._dcm.moved.clear()
             self.exchange.post_motion("setAngles", list(places), list(places.values()), 1.0)

@@ -221,7 +221,7 @@ class NaoWalk(EffectorDevice, MeasuredDevice):
                 var.sense(values[item], stamp)
 
     def halted(self) -> None:
-        """It stands, whatever it was told."""
+        """The joint stands, whatever its last order was."""
         for var in (self.xSpeed, self.ySpeed, self.yawSpeed):
             var.sense(0.0)
 

@@ -105,7 +105,7 @@ class MemoryLinks:
             self._channel.send_request("listen", key, lambda _: None)
 
     def emit(self, key: str, value: Any) -> None:
-        """An event has come: emit that of urbiscript, and listen no longer if nobody follows it."""
+        """An event has come: emit that of urbiscript, and listen no longer if no program follows it."""
         if key not in self._events:
             return
         event = self._events[key][1]

@@ -23,7 +23,7 @@ HEAR_RATE: Final = 16_000
 FRONT_CHANNEL: Final = 3
 INTERLEAVED: Final = 0
 MOST_BYTES: Final = 2 * HEAR_RATE
-"""Of one value: a second.  What comes on top of it is dropped."""
+"""Largest value: a second of sound, in bytes.  Further sound is dropped."""
 
 
 class MicroPart(NaoPart):

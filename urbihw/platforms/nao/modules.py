@@ -1,6 +1,6 @@
 """Modules that programs offer to NAOqi, and the calls that come to them (manual, "Writing NaoQi modules in urbi").
 
-A method runs in a job of the robot, not of a connection: what it moves has no lease, and its ``echo`` reaches nobody.
+A method runs in a job of the robot, not of a connection: what it moves has no lease, and its ``echo`` is lost.
 The job is stopped when its caller does not wait any more, and when the link is lost.
 """
 
@@ -98,7 +98,7 @@ class NaoModules(UObject):
             self._channel.send_request("serve", name, answered, value=(*told, True))
 
     def handle(self, message: m.DeviceReport) -> None:
-        """A call has come, or nobody waits for one any more."""
+        """A call has come, or its answer is no longer awaited."""
         if message.what != CALL:
             self._cancel(message.value)
             return
@@ -111,7 +111,7 @@ class NaoModules(UObject):
         self.host.call(SLOT, "run", float(number), module, method, arguments)
 
     def cancel_all(self) -> None:
-        """The link is lost: nobody waits."""
+        """The link is lost: no answer is awaited."""
         for number in sorted(self._running):
             self._cancel(number)
 

@@ -1,4 +1,4 @@
-"""The object ``ALMotor``: how all joints are written, and the trace of what they are told (manual, "Advanced
+"""The object ``ALMotor``: how all joints are written, and the trace of their orders (manual, "Advanced
 parameters").
 """
 
@@ -60,7 +60,7 @@ class NaoMotorControl(UObject):
             self._channel.write(MOTORS, item, value, lambda reply: None)
 
     def was_refused(self, message: m.Refused) -> None:
-        """The worker could not do what it was told before."""
+        """The worker could not carry out an earlier order."""
         if message.item == "dcm":
             self.dcmWrite.sense(False)
         elif message.item == "trace":

@@ -1,4 +1,4 @@
-"""The trace of what joints are told (manual, "Motor command debugging"): a file of bounded size."""
+"""The trace of the orders to the joints (manual, "Motor command debugging"): a file of bounded size."""
 
 from __future__ import annotations
 

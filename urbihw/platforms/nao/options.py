@@ -19,7 +19,7 @@ class NaoOptions(SettingsTable):
     """The options.
 
     Attributes:
-        user: who logs in to NAOqi, "" for a robot that asks nobody.
+        user: who logs in to NAOqi, "" for a robot without a login.
         password: of that user; it travels in clear over ``qi://``, and is never logged.
         user_key, token_key: under which names user and password are sent.
         token_file: where the token is kept that a robot without a password hands out at the first login; "" to accept

@@ -1,4 +1,4 @@
-"""What joints are told: targets that wait for the next cycle, and what was sent; no I/O."""
+"""The orders to the joints: targets that wait for the next cycle, and what was sent; no I/O."""
 
 from __future__ import annotations
 
@@ -74,5 +74,5 @@ class JointOrders:
         }
 
     def hold(self, where: Mapping[str, float]) -> None:
-        """These joints are told to stay."""
+        """Let these joints stay."""
         self.sent |= where

@@ -20,7 +20,7 @@ from urbihw.extras import install_command
 RGB, YUV, JPEG, PPM, YUV422, GREY8, GREY4 = range(1, 8)
 """The values of ``camera.formatDetail`` (manual, section "Camera")."""
 MOST_PIXELS: Final = 100_000
-"""Of a side of a picture that is believed."""
+"""Largest side of a picture that is accepted, in pixels."""
 _HIGH: Final = bytes(value & 0xF0 for value in range(256))
 _LOW: Final = bytes(value >> 4 for value in range(256))
 

@@ -341,7 +341,7 @@ class Nao(MotionRobot):
     def memory_path(self, key: Any, name: Any) -> str:
         """The path "object.slot" of a variable for a place of ALMemory: "b" stands for "stm.b".
 
-        "" for names that are none.
+        "" for unknown names.
         """
         if not (isinstance(key, str) and key and isinstance(name, str) and VARIABLE.fullmatch(name)):
             return ""

@@ -44,7 +44,7 @@ class SensePart(NaoPart):
         self._told: dict[str, Any] = {}
 
     def begin(self) -> None:
-        """See ``Part``: NAOqi may have been restarted, so all that is followed is told again."""
+        """See ``Part``: NAOqi may have been restarted, so it gets all that is followed again."""
         self._told.clear()
 
     def request(self, message: Request) -> list[FromWorker]:

@@ -19,7 +19,7 @@ class Setting:
     Attributes:
         service: its name.
         getter, setter: a method and its first arguments; the setter gets the value behind them.
-        to_robot: converts a value of urbiscript; raises ValueError for one that is none.
+        to_robot: converts a value of urbiscript; raises ValueError for an invalid one.
         from_robot: converts what the getter returns; raises ValueError, TypeError.
     """
 

@@ -23,7 +23,7 @@ SUBSCRIBER: Final = "urbihw"
 """The name under which ALSpeechRecognition listens for us."""
 MOST_WORDS: Final = 1000
 LONGEST_WORD: Final = 200
-"""Characters of a word or phrase that was recognized; a longer one is none."""
+"""Characters of a word or phrase that was recognized; a longer one is not accepted."""
 LANGUAGES: Final = {
     "ar": "Arabic", "cs": "Czech", "da": "Danish", "de": "German", "el": "Greek", "en": "English", "es": "Spanish",
     "fi": "Finnish", "fr": "French", "it": "Italian", "ja": "Japanese", "ko": "Korean", "nl": "Dutch",
@@ -160,7 +160,7 @@ class NaoSpeech(UObject):
         self._slot.connect(services)
         self._is_there = RECOGNITION in services
         if self.on.sensed and self._is_there:
-            # A subscription of before would refuse the words.
+            # An earlier subscription would refuse the words.
             self._call_next([
                 ("unsubscribe", [SUBSCRIBER]), ("setVocabulary", [self._words, self._spotting]),
                 ("subscribe", [SUBSCRIBER]),

@@ -140,7 +140,7 @@ class WatchdogService(object):
 
     def version(self):
         # type: () -> str
-        """Of this program."""
+        """Version of this program."""
         return VERSION
 
 
@@ -156,7 +156,7 @@ def serve(url, listen):
         watchdog = NaoWatchdog(session.service("ALMotion"), session.service)
         session.registerService(NAME, WatchdogService(watchdog))
         log.info("ready: NAOqi %s, service at %s", url, ", ".join(session.endpoints()))
-        # Python 2 has no clock that nobody can set: a step backwards counts as one period, one ahead stops the robot.
+        # Every clock of Python 2 can be set: a step backwards counts as one period, one ahead stops the robot.
         clock = getattr(time, "monotonic", time.time)
         before = clock()
         while session.isConnected():

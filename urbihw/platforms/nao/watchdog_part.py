@@ -23,7 +23,7 @@ class WatchdogPart(NaoPart):
     """Feeds the service while one of ``parts`` moves something; does nothing for a robot without it.
 
     It comes before those parts in a cycle, so that the robot is guarded when it starts.  A service that fails once is
-    fed no more until the next login: that is told.
+    fed no more until the next login, which is reported.
     """
 
     def __init__(self, exchange: NaoExchange, parts: Sequence[NaoPart]) -> None:
@@ -34,7 +34,7 @@ class WatchdogPart(NaoPart):
         self._due = 0.0
 
     def begin(self) -> None:
-        """See ``Part``: find the service; one that is there but out of reach guards nothing, which is told."""
+        """See ``Part``: find the service; one that is there but out of reach guards nothing, which is reported."""
         exchange, self._service, self._fed = self.exchange, None, False
         if NAME in exchange.info.services:
             try:

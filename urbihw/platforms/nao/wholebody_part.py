@@ -49,7 +49,7 @@ class WholeBodyPart(NaoPart):
         self._goals: dict[str, tuple[float, ...]] = {}
         self._steps: deque[_Step] = deque()
         self._asked = False
-        # Nobody knows what the worker before has left.
+        # What the former worker has left is unknown.
         self._may_be_on = True
         self._is_on = False
         self._controlled: dict[str, float] = {}

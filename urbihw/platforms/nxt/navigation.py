@@ -135,7 +135,7 @@ class NxtWheels:
     def _match(self) -> bool:
         """Return whether the two readings are of the same moment; else the older one is discarded.
 
-        After a pause one of them may be of before: the robot would seem to turn by the way of the pause.
+        After a pause one of them may be old: the robot would seem to turn by what this wheel moved meanwhile.
         """
         older, newer = sorted(self._wheels, key=lambda wheel: wheel.read_at)
         older.is_fresh = newer.read_at - older.read_at <= (newer.read_at - self._matched_at) / 2

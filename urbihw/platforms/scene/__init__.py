@@ -1,6 +1,6 @@
 """To look at a simulated world in MuJoCo: its pictures, its state, and films of it.
 
-Whoever simulates, the worker of the platform ``webots`` or the process of a simulated robot, gives two things: the file
+The simulator, the worker of the platform ``webots`` or the process of a simulated robot, gives two things: the file
 of its model and, again and again, its *state*: all that can change in a picture (``state``).  Nothing is drawn there,
 so that looking holds up neither the physics nor the wire; and nothing goes back, so that looking moves nothing.
 

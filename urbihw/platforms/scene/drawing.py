@@ -70,7 +70,7 @@ class SceneDrawing:
                 self._news.notify()
 
     def _run(self) -> None:
-        """Draw until nobody wants pictures; in a thread of its own."""
+        """Draw until no client wants pictures; in a thread of its own."""
         model: Path | None = None
         while (job := self._next()) is not None:
             due = monotonic() + PERIOD_S

@@ -7,7 +7,7 @@ from ctypes.util import find_library
 from typing import Any, Final
 
 GL: Final = "MUJOCO_GL"
-"""The variable with which MuJoCo is told how to make pictures."""
+"""The variable that selects how MuJoCo makes pictures."""
 _LIBRARIES: Final = {"egl": "EGL", "osmesa": "OSMesa"}
 _OTHER_WAYS: Final = ("glfw", "disable", "disabled", "off", "false", "0", "enable", "enabled", "on", "true", "1")
 """What else it takes (mujoco/rendering/classic/gl_context.py)."""

@@ -19,7 +19,7 @@ from urbihw.platforms.scene.library import NoMujoco, import_mujoco
 from urbihw.platforms.scene.painting import NoPictures, Painter, ViewPoint
 
 QUALITY: Final = 75
-"""Of the JPEGs, 1 to 95."""
+"""Quality of the JPEGs, 1 to 95."""
 
 
 def main() -> None:

@@ -9,14 +9,14 @@ from typing import Final
 from urbihw.platforms.scene.state import time_of
 
 MAX_BYTES: Final = 64 * 1024 * 1024
-"""Of the states of a recording; what comes later is left out."""
+"""Largest size of the states of a recording; later states are left out."""
 COMPILED: Final = ".mjb"
 """Ending of a model that MuJoCo has written: it is one file, and may be gone with the simulated robot."""
 _KIND: Final = "urbihw world 1"
 
 
 class BadRecording(Exception):
-    """The file is none; the message is one line."""
+    """The file is not a recording; the message is one line."""
 
 
 class SceneRecording:

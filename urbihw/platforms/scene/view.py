@@ -32,7 +32,7 @@ if (Global.hasLocalSlot("robot") && !robot.hasLocalSlot("experimentalWorldView")
 
 
 class SceneSource(Protocol):
-    """Whoever simulates."""
+    """The simulator of the scene."""
 
     def begin(self, period: float, show: Callable[[bytes, float], None]) -> None:
         """Call ``show(state, time)`` in the kernel's thread every ``period`` seconds (of the simulation)."""

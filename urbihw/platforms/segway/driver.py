@@ -12,7 +12,7 @@ Two commands are at least SPACING apart (the maker requires 10 ms): a tick that 
 nothing.
 
 The option "second_channel" is the other bus of the same base (see `channels`), "second_base" the other half of an RMP
-400 (see `bases`): both get the same commands. When the line to one half is gone, the other is told to stop.
+400 (see `bases`): both get the same commands. When the line to one half is gone, the other gets a stop.
 
 Device: "base". Targets: "velocity", "turn", in counts. Requests: "write" of a row of `protocol.CONFIGURATIONS`, "read"
 of a value of the last cycle, "shutdown" (switches the base off: a balancing one falls).

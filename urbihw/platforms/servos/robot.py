@@ -89,7 +89,7 @@ class Devices(UObject):
         return len(self.members)
 
     def empty(self) -> bool:
-        """Whether there is none."""
+        """Whether no servo is there."""
         return not self.members
 
 
@@ -423,7 +423,7 @@ class ServoRobot(MotionRobot):
                 for number, reason in self.channel.blocked.items() if number in self.devices]
 
     def on_refused(self, message: m.Refused) -> None:
-        """Log a refusal; not that another model under a known id lacks registers, since that is told already."""
+        """Log a refusal; not that another model under a known id lacks registers, since that is reported already."""
         if message.device not in self.channel.blocked:
             super().on_refused(message)
 

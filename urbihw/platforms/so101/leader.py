@@ -34,7 +34,7 @@ class Leader(ServoRobot):
     def open(self, settings: RobotSettings, opened: Opened) -> None:
         """Start its worker, with the emergency stop on: no program moves an arm that a hand holds.
 
-        The worker is not told: it would stop an arm that nobody moves, and report it.
+        The worker does not hear of it: it would stop an arm that does not move, and report it.
         """
         super().open(settings, opened)
         self.motion.latched = HAND

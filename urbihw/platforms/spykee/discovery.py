@@ -33,7 +33,7 @@ class FoundRobot:
     Attributes:
         address: of its control port, ``host:port``.
         uid: its identifier.
-        user: who is connected to it, "" for nobody.
+        user: who is connected to it, "" without one.
     """
 
     address: str
@@ -83,7 +83,7 @@ def search(
             try:
                 data, (host, _) = asker.recvfrom(2048)
             except OSError:
-                continue  # "connection refused": nobody at one of the addresses
+                continue  # "connection refused": no robot at one of the addresses
             fields = p.read_discovery(data)
             if fields is not None and host not in seen:
                 seen.add(host)

@@ -26,7 +26,7 @@ UNSENT_BYTES: Final = 4096
 ACK_TIMEOUT_S: Final = 2.0
 """Seconds in which a robot must acknowledge what was sent."""
 WIFI_BITS_PER_S: Final = 11_000_000
-"""Of 802.11b, for what the statistics say of the load."""
+"""Bits per second of 802.11b, from which the statistics compute the load."""
 KEEPALIVE_IDLE_S: Final = 2
 """Seconds of silence after which the system asks whether the robot is there; it asks every second, three times."""
 

@@ -117,7 +117,7 @@ class MusicReader:
             self._end(problem)
 
     def _wait_for_room(self) -> bool:
-        """Wait until more may be read; returns False if nobody wants more."""
+        """Wait until more may be read; returns False if no more is wanted."""
         with self._changed:
             self._changed.wait_for(lambda: self._closed or len(self._buffer) < self._capacity)
             return not self._closed

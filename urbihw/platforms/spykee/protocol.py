@@ -143,7 +143,7 @@ class SpykeeFramer:
     def feed(self, data: bytes) -> list[tuple[int, bytes]]:
         """The packets, as (type, payload), that are complete with these bytes.
 
-        Raises BadFrame when the bytes at the place of a header are none: the stream cannot be synchronised again.
+        Raises BadFrame when the bytes at the place of a header are invalid: the stream cannot be synchronised again.
         """
         buffer = self._buffer
         buffer += data

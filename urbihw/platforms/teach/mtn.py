@@ -14,7 +14,7 @@ behind them, which are no part of the text::
     step=512 235 ... 0.1 1.0  goal positions of the ids 0 to 25, seconds of pause after the movement, seconds of it
     page_end
 
-Pages are counted from 1, and page 0 is none.  A page without steps is empty.  The speed divides all times.
+Pages are counted from 1, and page 0 means no page.  A page without steps is empty.  The speed divides all times.
 
 Sources: ROBOTIS e-Manual, "RoboPlus Motion" (next and exit page, number of repetitions, speed rate, inertial force);
 the format as in the file bio_prm_soccertypea_en.mtn of the repository tician/opencm-1.5, and as read by the loaders of
@@ -79,7 +79,7 @@ class MotionFile:
         return found if found is not None and found.steps else None
 
     def find(self, name: str) -> Page | None:
-        """The first page of a name, or the page of a number; the first of all for "".  An empty page is none."""
+        """The first page of a name, or the page of a number; the first of all for "".  An empty page does not count."""
         filled = [page for page in self.pages if page.steps]
         if not name:
             return filled[0] if filled else None

@@ -23,7 +23,7 @@ def find_blob(
 ) -> tuple[float, float, float]:
     """Return the middle of the pixels of a colour, and their share; nan for the middle if there are none.
 
-    ``data`` is rgb.  A colour is told by the shares of red, green and blue, so that shadows do not matter;
+    ``data`` is rgb.  A colour is recognised by the shares of red, green and blue, so that shadows do not matter;
     ``threshold`` is how much each share may differ.
     """
     total = sum(colour)

@@ -3,7 +3,7 @@
 The programs follow the time of the simulation: after each step the kernel gets the samples, runs all that is due, and
 answers with the target GRANTED, the number of that step; only then comes the next one.  So a program runs the same
 way each time.  A kernel that does not answer for PATIENCE_S does not hold the simulation: it goes on in real time, and
-the kernel is told (``HELD_UP``); the dead-man time of the worker then stops the robot as on a real wire.
+the kernel gets ``HELD_UP``; the dead-man time of the worker then stops the robot as on a real wire.
 
 Devices: the names of the simulated robot's, ``NODES`` + a name for what a supervisor moves, and SIMULATOR for the rest.
 Targets: "position", "velocity" and "torque" of motors, in rad, rad/s and N m (m, m/s and N of a linear one); the worker
@@ -297,4 +297,4 @@ class SimulationDriver(Driver):
 
 
 def _nothing(deadline: float) -> None:
-    """Nobody wants a sign of life."""
+    """Do nothing: the simulator needs no sign of life."""

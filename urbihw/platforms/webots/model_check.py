@@ -20,7 +20,7 @@ PROCESSOR_S: Final = 6
 TIMEOUT_S: Final = 15.0
 """Seconds that it may take by the clock: less than the silence for which the worker has leave."""
 MEMORY_SHARE: Final = 0.5
-"""Of the memory of the machine, for the model."""
+"""Largest memory of a model, as a share of the machine's."""
 REFUSED: Final = 1
 
 
@@ -57,7 +57,7 @@ def main(arguments: list[str]) -> int:
 
     memory = int(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") * MEMORY_SHARE)
     resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
-    # The worker may have been killed meanwhile: nobody else would end this process.
+    # The worker may have been killed meanwhile: nothing else would end this process.
     resource.setrlimit(resource.RLIMIT_CPU, (PROCESSOR_S, PROCESSOR_S + 1))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     try:

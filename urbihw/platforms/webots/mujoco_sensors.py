@@ -24,9 +24,9 @@ from typing import Any, Final
 from urbihw.platforms.webots import simulator as s
 
 MAX_PACKETS: Final = 100
-"""Packets that a receiver keeps while nobody reads."""
+"""Packets that a receiver keeps while they are not read."""
 MAX_RAYS: Final = 100_000
-"""Of a lidar or range finder."""
+"""Largest number of rays of a lidar or range finder."""
 
 Read = Callable[[], Any]
 
@@ -47,7 +47,7 @@ def sensor_kinds(mujoco: Any) -> Mapping[int, str]:
 
 
 def sensor(mujoco: Any, model: Any, data: Any, index: int) -> tuple[s.SimDevice, Read] | None:
-    """Return a sensor of the model as a device, and what reads it; None for a type that is none."""
+    """Return a sensor of the model as a device, and what reads it; None for another type."""
     row = model.sensor(index)
     kind = sensor_kinds(mujoco).get(int(row.type[0]))
     if kind is None:

@@ -29,7 +29,7 @@ DEFAULT_WIDTH, DEFAULT_HEIGHT = 160, 120
 MAX_PIXELS: Final = 1920 * 1080
 """Pixels of a camera at most."""
 MIN_TIMESTEP_S, MAX_TIMESTEP_S = 1e-5, 1.0
-"""Of the physics; a shorter one would let the simulation stand still."""
+"""Limits of the step of the physics; a shorter one would let the simulation stand still."""
 MAX_BASIC_STEP_MS: Final = 10_000
 URDF_FORCE: Final = 10.0
 """Newton metres, or N, of a motor of a URDF whose joint names no effort."""
@@ -329,7 +329,7 @@ class MujocoWorld(s.BackEnd):
         self._mujoco.mj_forward(model, data)
 
     def label(self, label: s.LabelText) -> None:
-        """Keep a text for whoever shows the world; an empty one removes it."""
+        """Keep a text for the view of the world; an empty one removes it."""
         self.labels.pop(label.number, None)
         if label.text:
             self.labels[label.number] = label

@@ -78,7 +78,7 @@ class SimulationPort(Port):
 
     @classmethod
     def parameters(cls, url: Url) -> Mapping[str, SettingRule]:
-        """There are none."""
+        """An empty table: such a url has no parameters."""
         return {}
 
     def _close(self) -> None:
