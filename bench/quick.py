@@ -14,7 +14,6 @@ class SetAmounts(argparse.Action):
         self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: str | Sequence[Any] | None,
         option_string: str | None = None,
     ) -> None:  # fmt: skip
-        """See ``argparse.Action``."""
         setattr(namespace, self.dest, True)
         for name, amount in self.const.items():
             setattr(namespace, name, amount)

@@ -27,7 +27,6 @@ class Toy(s.SettingsTable):
     extra: dict[str, Any] = s.setting({}, s.TABLE)
 
     def clashes(self) -> Iterator[s.Mistake]:
-        """See ``Table``."""
         if self.colour == "green" and self.size > 1:
             yield s.Mistake("size", "a green one is small")
 

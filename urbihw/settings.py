@@ -1,10 +1,10 @@
 """Tables of settings: the rule of each setting is the single source for the check, its messages and the JSON schema.
 
-A table is a frozen dataclass that derives from ``Table``.  Its fields are made by ``setting``, and its docstring
-explains them under "Attributes"::
+A table is a frozen dataclass that derives from ``SettingsTable``.  Its fields are made by ``setting``, and its
+docstring explains them under "Attributes"::
 
     @dataclass(frozen=True)
-    class Options(Table):
+    class Options(SettingsTable):
         \"\"\"The options of a toy.
 
         Attributes:

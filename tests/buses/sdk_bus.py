@@ -166,7 +166,6 @@ class SdkBus(ServoBus):
         meanwhile: Meanwhile | None = None,
         brief: bool = False,
     ) -> Status:
-        """As `TransactionChannel.ask`."""
         handler = self._handler(self.protocol_of(device))
         allowance = self.response_timeout.brief_allowance if brief else self.response_timeout.allowance
         answer_time = self._begin(handler, prefix, request, size + packet.OVERHEAD[handler.protocol], allowance)
@@ -210,7 +209,6 @@ class SdkBus(ServoBus):
         prefix: bytes = b"",
         meanwhile: Meanwhile | None = None,
     ) -> Iterator[Status]:
-        """As `TransactionChannel.ask_group`."""
         handler = self._handler(self.protocol_of(reads[0][0]))
         missing = dict(reads)
         total = sum(size + packet.OVERHEAD[handler.protocol] for _, size in reads)

@@ -1,4 +1,4 @@
-"""A cart that drives where it is told, without a wire and without inertia: a ``Base`` of the fewest lines."""
+"""A cart that drives where it is told, without a wire and without inertia: a ``DrivenBase`` of the fewest lines."""
 
 from __future__ import annotations
 
@@ -57,19 +57,16 @@ class Cart(UObject):
         self.planner.move_to(goal)
 
     def check_motors(self) -> None:
-        """See ``Base``."""
         if not self.motors:
             raise ValueError("the motors are off")
 
     def claim_motion(self) -> None:
-        """See ``Base``."""
+        """Do nothing: the cart obeys everybody."""
 
     def begin_motion(self, motion: DriveMotion) -> None:
-        """See ``Base``."""
         self.drive.start(motion)
 
     def obstacles(self) -> list[Point]:
-        """See ``Base``."""
         return self.near
 
     def _ended(self, motion: DriveMotion, how: str) -> None:

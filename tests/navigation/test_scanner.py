@@ -25,7 +25,6 @@ class Worker:
         self.stopped = False
 
     def stop(self) -> None:
-        """See ``navigation.base.Worker``."""
         self.stopped = True
 
 

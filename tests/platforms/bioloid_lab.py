@@ -37,11 +37,9 @@ class Lab(RobotLab):
         super().__init__(**options)
 
     def context(self) -> Context:
-        """See ``RobotLab``."""
         return Context(self.bus_clock, {"robot": self.end})
 
     def console(self) -> Console:
-        """See ``RobotLab``."""
         return self.console_of(self.kit, self.end, commands(self.kit, self.bus_clock.now))
 
     def register(self, unit: int, name: str) -> int:

@@ -30,7 +30,6 @@ class Lab(SpeakingLab):
         super().__init__(**options)
 
     def console(self) -> Console:
-        """See ``RobotLab``."""
         return self.console_of(self.device, self.end, words_of(self.drive))
 
 

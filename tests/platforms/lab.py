@@ -236,11 +236,9 @@ class SpeakingLab(RobotLab):
         super().__init__(**options)
 
     def context(self) -> Context:
-        """See ``RobotLab``."""
         return Context(self.bus_clock, {"robot": self.end})
 
     def step(self) -> None:
-        """See ``RobotLab``."""
         answers = self.device.tick(self.bus_clock.now())
         if self.end.plugged:
             self._answer(answers)

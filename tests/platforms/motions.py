@@ -177,11 +177,9 @@ class DeadWorker(HandWorker):
         self._lab = lab
 
     def send(self, message: m.ToWorker) -> None:
-        """See ``HandWorker``."""
         self.sent.append(message)
 
     def step(self) -> None:
-        """See ``HandWorker``."""
         clock = self._lab.bus_clock
         clock.sleep_until(clock.now() + self._lab.tick)
 

@@ -66,7 +66,6 @@ class QiCaller(Plug):
         self._count = 0
 
     def look(self) -> None:
-        """See `Plug`."""
         super().look()
         data, self.data = self.data, b""
         for message in self._splitter.feed(data):

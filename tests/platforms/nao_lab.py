@@ -33,11 +33,9 @@ class Door(PipeEnd):
 
     @property
     def plugged(self) -> bool:
-        """See ``PipeEnd``."""
         return self._lab.end.plugged
 
     def accept(self) -> PipeEnd:
-        """See ``PipeEnd``."""
         if self._busy:
             return self._lab.add_connection()
         self._busy = True
@@ -78,7 +76,6 @@ class Lab(SpeakingLab):
         self.device.reconnect()
 
     def context(self) -> Context:
-        """See ``RobotLab``."""
         return Context(self.bus_clock, {"robot": self.door})
 
     def add_connection(self) -> PipeEnd:
@@ -112,7 +109,6 @@ class Lab(SpeakingLab):
         self.device.reconnect()
 
     def console(self) -> Console:
-        """See ``RobotLab``."""
         return self.console_of(self.device, self.end, commands(self.device, self.bus_clock.now))
 
 

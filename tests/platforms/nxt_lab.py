@@ -32,7 +32,6 @@ class Lab(RobotLab):
         super().__init__(**options)
 
     def context(self) -> Context:
-        """See ``RobotLab``."""
         return Context(self.bus_clock, {"robot": self.end})
 
     def step(self) -> None:
@@ -41,7 +40,6 @@ class Lab(RobotLab):
         self.device.tick(self.bus_clock.now())
 
     def console(self) -> Console:
-        """See ``RobotLab``."""
         clock, plug = self.bus_clock.now, self.end.replug
         cable: Any = SimpleNamespace(device=self.device, clock=clock, unplug=self.unplug, plug=plug)
         return Console(cable, commands(self.device, clock))

@@ -49,14 +49,12 @@ class PatientWorker(HandWorker):
     over = False
 
     def step(self) -> None:
-        """See ``HandWorker``."""
         if self.over:
             super().stop()
         else:
             super().step()
 
     def stop(self) -> None:
-        """See ``HandWorker``."""
         self.over = True
 
 
@@ -79,7 +77,6 @@ class Lab(RobotLab):
         return cls.ready(Kit(world, slip=slip), **options)
 
     def context(self) -> Context:
-        """See ``RobotLab``."""
         return Context(self.bus_clock, {"robot": self.robot_line.end, "laser": self.laser_line.end})
 
     def step(self) -> None:
@@ -97,7 +94,6 @@ class Lab(RobotLab):
         self.kernel.scheduler.run_simulated(self.clock.now())
 
     def console(self) -> Console:
-        """See ``RobotLab``."""
         laser = SimpleNamespace(unplug=self.laser_line.end.unplug, plug=self.laser_line.end.replug)
         words = commands(self.kit, self.bus_clock.now, laser)
         return self.console_of(self.kit.robot, self.robot_line.end, words)

@@ -38,7 +38,6 @@ class Lab(SpeakingLab):
         return UsbLink()
 
     def console(self) -> Console:
-        """See ``RobotLab``."""
         return self.console_of(self.device, self.end, commands(self.base))
 
 
@@ -48,7 +47,6 @@ class CanLab(Lab):
     url = "can://pipe/robot"
 
     def codec(self) -> Codec:
-        """See ``Lab``."""
         return Records()
 
 

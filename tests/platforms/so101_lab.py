@@ -62,14 +62,12 @@ class Lab(RobotLab):
         return self.bus
 
     def context(self) -> Context:
-        """See ``RobotLab``."""
         ends = {"robot": self.end}
         if self.leader is not None:
             ends["leader"] = self.leader_end
         return Context(self.bus_clock, ends)
 
     def console(self) -> Console:
-        """See ``RobotLab``."""
         names = {name: joint.id for name, joint in JOINTS.items()}
         return self.console_of(self.kit, self.end, commands(self.kit, self.bus_clock.now, names))
 

@@ -42,7 +42,6 @@ class Lab(SpeakingLab):
         self.device.disconnect()
 
     def console(self) -> Console:
-        """See ``RobotLab``."""
         return self.console_of(self.device, self.end, commands(self.device, self.bus_clock.now))
 
 

@@ -257,12 +257,10 @@ class LaserOnABase(RobotLab):
         super().__init__(laser="pipe://laser", laser_model=model, **options)
 
     def context(self) -> Context:
-        """See ``RobotLab``."""
         context = super().context()
         return Context(context.clock, {**context.pipes, "laser": self.laser_line.end})
 
     def step(self) -> None:
-        """See ``RobotLab``."""
         self.laser_line.tick(self.bus_clock.now())
         for worker in self.laser_workers:
             worker.step()

@@ -34,7 +34,6 @@ class PairLab(CanLab):
         raise NotImplementedError
 
     def context(self) -> Context:
-        """See ``RobotLab``."""
         return Context(self.bus_clock, {"robot": self.end, "second": self.second})
 
     def answer_second(self, answers: list[Answer]) -> None:
@@ -77,7 +76,6 @@ class HalvesLab(PairLab):
         return CanDevice(self.back, Records())
 
     def step(self) -> None:
-        """See ``RobotLab``."""
         self.answer_second(self.other.tick(self.bus_clock.now()))
         super().step()
 

@@ -119,7 +119,6 @@ class Lab(RobotLab):
         super().__init__(**options)
 
     def context(self) -> Context:
-        """See ``RobotLab``."""
         plug: Any = {"world": self.plug}
         return Context(self.bus_clock, plug)
 

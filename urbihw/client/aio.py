@@ -165,17 +165,14 @@ class AsyncWatch(AsyncItems[SampleStream]):
 
     @property
     def slots(self) -> tuple[str, ...]:
-        """As ``Watch.slots``."""
         return self._stream.slots
 
     @property
     def units(self) -> tuple[str, ...]:
-        """As ``Watch.units``."""
         return self._stream.units
 
     @property
     def errors(self) -> dict[str, str]:
-        """As ``Watch.errors``."""
         return dict(self._stream.errors)
 
 
@@ -189,7 +186,6 @@ class AsyncRobot(AsyncSlot):
         object.__setattr__(self, "messages", messages)
 
     async def run(self, text: str, tag: str = "", timeout: float | None = None, keep: bool = False) -> Any:
-        """As ``Robot.run``."""
         if tag:
             checked_name(tag)
         checked_text(text)
@@ -199,7 +195,6 @@ class AsyncRobot(AsyncSlot):
         return self._wrapped(answer)
 
     async def stop(self, tag: str | None = None) -> None:
-        """As ``Robot.stop``."""
         if tag is not None:
             checked_name(tag)
         stopped = tag or "robot"
@@ -207,25 +202,20 @@ class AsyncRobot(AsyncSlot):
         await self._connection.ask(lambda dialect, channel: dialect.stop(channel, stopped), limit, keep=True)
 
     async def estop(self) -> None:
-        """As ``Robot.estop``."""
         limit = self._connection.timeout
         await self._connection.ask(lambda dialect, channel: dialect.estop(channel), limit, keep=True)
 
     def watch(self, *slots: str, hz: float = 10.0, timeout: float | None = None) -> AsyncWatch:
-        """As ``Robot.watch``."""
         return AsyncWatch(self._connection, SampleStream(slots, hz), timeout)
 
     def pictures(self, slot: str, hz: float = 10.0, timeout: float | None = None) -> AsyncItems[ShotStream]:
-        """As ``Robot.pictures``."""
         return AsyncItems(self._connection, ShotStream(slot, hz), timeout)
 
     def events(self, event: str, timeout: float | None = None) -> AsyncItems[EventStream]:
-        """As ``Robot.events``."""
         return AsyncItems(self._connection, EventStream(event), timeout)
 
     @property
     def connected(self) -> bool:
-        """As ``Robot.connected``."""
         return self._connection.connected
 
     def __repr__(self) -> str:

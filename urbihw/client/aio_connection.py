@@ -75,7 +75,6 @@ class AsyncConnection:
     async def ask(
         self, statement: Statement, timeout: float | None, located: bool = False, keep: bool = False
     ) -> Any:
-        """As ``Connection.ask``."""
         await self._need_connection(self.timeout)
         session = self._session
         question = session.open_question(located)
@@ -105,7 +104,6 @@ class AsyncConnection:
             self._transport.write(text.encode("latin-1"))
 
     async def open_stream(self, stream: Stream) -> None:
-        """As ``Connection.open_stream``."""
         def text(dialect: Native, channel: str) -> str:
             self._session.add_stream(stream)
             return stream.start_text(dialect, channel)

@@ -129,13 +129,11 @@ class FakeScene:
         self._written = False
 
     def begin(self, period: float, show: Callable[[bytes, float], None]) -> None:
-        """See ``urbihw.platforms.scene.view.SceneSource``."""
         self.end()
         self._over = over = threading.Event()
         threading.Thread(target=self._ask, args=(period, show, over), name="world", daemon=True).start()
 
     def end(self) -> None:
-        """See ``Source``."""
         if self._over is not None:
             self._over.set()
             self._over = None

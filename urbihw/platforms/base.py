@@ -191,11 +191,9 @@ class WiredRobot(GuardedRobot):
 
     @property
     def tree_begun(self) -> bool:
-        """See ``Robot``."""
         return self._arrival.tree_begun
 
     def waits_for(self) -> str:
-        """See ``Robot``."""
         return self._arrival.awaited
 
     def answer_open(self, error: DeviceError | None) -> None:
@@ -206,12 +204,9 @@ class WiredRobot(GuardedRobot):
         self._arrival.answer(error)
 
     def has_link(self) -> bool:
-        """See ``Arriving``."""
         return bool(self.link.sensed)
 
     def show_stand_in(self, shown: Callable[[], None]) -> None:
-        """See ``Arriving``."""
-
         def over(problem: str) -> None:
             if problem:
                 self.log.error("the slots of the absent robot are not there: %s", problem)
@@ -220,7 +215,6 @@ class WiredRobot(GuardedRobot):
         self.host.run(_ABSENT.format(slot=self.unique_name), "absent", over)
 
     def on_arrival(self) -> None:
-        """See ``Arriving``."""
         self.linkBack.emit()
 
     def wait_for_readings(self) -> None:

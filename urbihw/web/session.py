@@ -116,8 +116,8 @@ class WebSession:
         self.subs: dict[int, Sub] = {}
         self.console_uid = ""
         self.server_ahead: float | None = None
+        """The server's time minus that of this process, s; None while it is not known."""
         self.travel = Travel()
-        """The server's time without that of this process, s; None while it is not known."""
         self.tasks: dict[str, asyncio.Task[None]] = {}
         """Tasks that serve the browser, by name: each ends with it."""
         self._socket = socket

@@ -52,7 +52,6 @@ class BalancingBody(Body):
         self._measure()
 
     def drive(self, speed: float, turn: float, acceleration: float, balancing: bool) -> None:
-        """As in ``Body``."""
         self._planned_speed = towards(self._planned_speed, speed, MOST_ACCELERATION * acceleration * STEP)
         self._planned_turn = towards(self._planned_turn, turn, MOST_TURN_ACCELERATION * STEP)
         for _ in range(SUBSTEPS):

@@ -93,7 +93,6 @@ class Humanoid(Bioloid):
         return super().receive(data, now)
 
     def tick(self, now: float) -> list[Answer]:
-        """As in ``ServoBus``."""
         self.advance(now)
         return super().tick(now)
 

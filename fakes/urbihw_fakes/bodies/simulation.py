@@ -226,7 +226,6 @@ class _Rays:
         self._groups[ROBOT_GROUP] = 0
 
     def cast(self, origin: Sequence[float], ways: Sequence[Sequence[float]], limit: float) -> list[float]:
-        """See ``Simulation.distances``."""
         numpy, count = self._numpy, len(ways)
         found = numpy.empty(count)
         self._mujoco.mj_multiRay(

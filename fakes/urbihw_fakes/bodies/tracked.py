@@ -35,7 +35,6 @@ class TrackedBody(Body):
         self._measure()
 
     def place(self, x: float, y: float, heading: float) -> None:
-        """As in ``Body``."""
         self.put(x, y, heading)
 
     def put(self, x: float, y: float, heading: float) -> None:

@@ -91,7 +91,6 @@ class SimulatedTriBot(TriBot):
         self._look_around()
 
     def describe_place(self) -> str:
-        """As in ``TriBot``."""
         x, y, heading = self.base.pose
         return f"at {x:.3f} {y:.3f}, heading {math.degrees(heading):.0f}"
 

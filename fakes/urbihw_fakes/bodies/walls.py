@@ -38,7 +38,6 @@ class SimulatedWorld(World):
         super().add_crate(x, y, size)
 
     def remove_crate(self) -> None:
-        """As in ``World``."""
         super().remove_crate()
         self._simulation.remove_crate()
 

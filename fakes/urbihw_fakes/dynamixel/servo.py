@@ -81,7 +81,6 @@ class Shaft(Unit):
         raise NotImplementedError
 
     def advance(self, elapsed: float) -> None:
-        """As in `Unit`."""
         get = self.registers.get
         limp = not get("torque_enable") or ("torque_limit" in self.registers.by_name and not get("torque_limit"))
         if limp or not self.powered or self.held:
@@ -152,7 +151,6 @@ class Servo1(Shaft, Unit1):
         return TURNING if get("low_limit") == get("high_limit") == 0 else POSITIONED
 
     def commanded_speed(self, kind: str) -> float:
-        """As in `Shaft`."""
         get = self.registers.get
         if kind == DRIVEN:
             return _signed(get("goal_torque")) / 1023 * self.full_speed
@@ -212,7 +210,6 @@ class Servo2(Shaft, Unit2):
         return self._bauds[self.registers.get("baud")]
 
     def set_baud(self, baud: int) -> None:
-        """As in `Unit`."""
         for value, speed in enumerate(self._bauds):
             if near(speed, baud) and value <= self.registers.by_name["baud"].bounds[1]:
                 self.registers.put("baud", value)
@@ -228,7 +225,6 @@ class Servo2(Shaft, Unit2):
         return MODES.get(mode, POSITIONED)
 
     def commanded_speed(self, kind: str) -> float:
-        """As in `Shaft`."""
         get, rows = self.registers.get, self.registers.by_name
         if self._old_units:
             if kind == TURNING:

@@ -35,7 +35,6 @@ class Unit1(Unit):
         return 2_000_000 // (self.registers.get("baud") + 1)
 
     def set_baud(self, baud: int) -> None:
-        """As in `Unit`."""
         value = round(2_000_000 / baud) - 1
         if not 0 <= value <= 254 or not near(2_000_000 / (value + 1), baud):
             raise UnknownRequest(f"speed {baud}: a protocol 1.0 unit has no setting near it")
@@ -49,7 +48,6 @@ class Unit1(Unit):
         """Handle the error bits of an answer; a model may raise its alarm."""
 
     def execute(self, request: Request, now: float) -> bytes:
-        """As in `Unit`."""
         unit = self.id
         self.tick(now)
         if request.intact:
@@ -85,7 +83,6 @@ class Unit1(Unit):
         return packet1.ERR_INSTRUCTION, b""
 
     def report(self, address: int, count: int, now: float) -> bytes:
-        """As in `Unit`."""
         error, data = self.answer_read(address, count, now)
         error |= self.state_errors()
         self.noticed(error)

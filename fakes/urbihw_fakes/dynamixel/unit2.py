@@ -50,7 +50,6 @@ class Unit2(Unit):
         return BAUDS[self.registers.get("baud")]
 
     def set_baud(self, baud: int) -> None:
-        """As in `Unit`."""
         for value, speed in enumerate(BAUDS):
             if near(speed, baud):
                 self.registers.put("baud", value)
@@ -73,7 +72,6 @@ class Unit2(Unit):
         return packet2.ALERT if self.registers.get("hardware_error") else 0
 
     def execute(self, request: Request, now: float) -> bytes:
-        """As in `Unit`."""
         unit = self.id
         level = self.status_level
         self.tick(now)
@@ -112,7 +110,6 @@ class Unit2(Unit):
         return packet2.ERR_INSTRUCTION, b""
 
     def report(self, address: int, count: int, now: float) -> bytes:
-        """As in `Unit`."""
         error, data = self.answer_read(address, count, now)
         return packet2.status(self.id, error | self.alert(), data) if self.status_level >= 1 else b""
 

@@ -79,7 +79,6 @@ class FeetechServo(Unit):
         return BAUDS[self.registers.get("baud")]
 
     def set_baud(self, baud: int) -> None:
-        """As in `Unit`."""
         codes = [code for code, speed in enumerate(BAUDS) if near(speed, baud)]
         if not codes:
             raise UnknownRequest(f"speed {baud}: a Feetech servo has no setting near it")

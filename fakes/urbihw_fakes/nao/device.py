@@ -126,12 +126,10 @@ class Nao(Device):
             self.server.receive(connection, data)
 
     def tick(self, now: float) -> list[Answer]:
-        """See `Device`."""
         self.advance(now)
         return self.server.pop_answers(self._client)
 
     def due(self) -> float | None:
-        """See `Device`."""
         times = [time for time in (self.server.due(), self.body.due()) if time is not None]
         return min(times, default=None)
 

@@ -219,7 +219,6 @@ class _LibqiService(ForeignService):
         self._end = end
 
     def call(self, name: str, arguments: tuple[Any, ...], then: Then) -> None:
-        """See `ForeignService`."""
         self._end.call_foreign(self.info.name, name, arguments, then)
 
 

@@ -56,7 +56,6 @@ class Watchdog(Service):
         return self._service.state() in ("fed", "stopping")
 
     def advance(self, now: float) -> None:
-        """See `Service`."""
         self._watchdog.advance(now - self._now)
         self._now = now
 

@@ -6,7 +6,7 @@ Two back ends have this interface, and one contract test:
     libqi           that of Aldebaran's library: ``libqi://``, ``libqis://``
 
 ``opening.open_session`` chooses by the port.  A session belongs to one thread.  Calls are sent at once and answered
-later: ``poll`` handles what has arrived, and gives each answer to the ``Call`` it belongs to.  A call that is not
+later: ``poll`` handles what has arrived, and gives each answer to the ``QiCall`` it belongs to.  A call that is not
 answered in time fails, and so do all of them when the link is gone.  Only ``authenticate``, ``names``, ``look_up`` and
 ``wait`` wait.
 """

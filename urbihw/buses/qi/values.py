@@ -118,8 +118,8 @@ def _key(value: Any) -> Any:
 
 
 def decode(signature: str, data: bytes, elements: int | None = None) -> Any:
-    """The value of a message of at most so many elements (see ``Reader``).  Bytes behind it are left alone: newer
-    servers add fields.  Raises BadFrame."""
+    """The value of a message of at most so many elements (see ``QiValueReader``).  Bytes behind it are left alone:
+    newer servers add fields.  Raises BadFrame."""
     return QiValueReader(data, elements).read(parse(signature))
 
 

@@ -85,8 +85,9 @@ class ServoDriver(Driver):
         self._watches: dict[tuple[int, str], float] = {}
         self._next_scan_at = 0.0
         self._told: dict[int, DeviceInfo] = {}
-        self._guests: set[int] = set()
         """The devices as the last `Found` described them."""
+        self._guests: set[int] = set()
+        """The ids of another robot, found while no device of the own one answered."""
 
     def configure(self, settings: Configure) -> None:
         """Apply settings; the protocol and the ids take effect with the next `attach`. Raises BadSetting."""
@@ -261,12 +262,10 @@ class ServoDriver(Driver):
         return turns or self.moves(request.device, request.item, request.value)
 
     def unheld_target(self, device: Any, item: str, value: Any, limits: Mapping[tuple[Any, str], Limit]) -> str:
-        """See `unheld.explain_target`."""
         member = self._table_member(device)
         return "" if member is None else explain_target(member, item, value, limits)
 
     def unheld_request(self, request: Request, limits: Mapping[tuple[Any, str], Limit]) -> str:
-        """See `unheld.explain_writes`."""
         member = self._table_member(request.device)
         if member is None:
             return ""

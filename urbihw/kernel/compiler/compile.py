@@ -36,7 +36,7 @@ def compile_node(
     ``lazy_names`` are the names known to belong to lazy functions; ``late`` are local variables reached through
     ``FrameLocals`` (see ``late``); ``generic`` sends arithmetic as messages, because a program has redefined an
     operator of Float.  Raises ``TooDeep``: beyond a thousand levels of expressions, or some hundreds of functions or
-    loops; ``TooLong``: code that cannot be cut into short pieces, or captures too many variables.
+    loops; ``StatementTooLong``: code that cannot be cut into short pieces, or captures too many variables.
     """
 
     compiled = partial(_compile, lazy_names=lazy_names, late=late, generic=generic, keep_tree=keep_tree, pace=pace)

@@ -2,8 +2,8 @@
 
 Each takes Python functions compiled from the urbiscript clauses.  Bodies run as jobs of their own.
 
-No condition is polled: a ``Watch`` is notified by the places that the condition read (module ``watch``), an event
-notifies its subscriptions, and ``~ duration`` sets a timer when the condition becomes true.
+No condition is polled: a ``ConditionWatch`` is notified by the places that the condition read (module ``watch``), an
+event notifies its subscriptions, and ``~ duration`` sets a timer when the condition becomes true.
 """
 
 from __future__ import annotations

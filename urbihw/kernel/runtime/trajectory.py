@@ -5,7 +5,7 @@ t < P, which writes the target itself.  Open-loop kinds (time, speed, smooth, ac
 present value is.  Closed-loop kinds (time and speed with ``adaptive: true``) continue from the present value, and
 ``adaptive: true`` alone waits until a device has reached the target.  A speed that is not
 above 0 and a period of 0 are errors; a duration of 0 or below writes the target at once.  Time is the job's own: while
-it is frozen, it stands still.  The properties of the slot limit range and speed (see ``Limits``),
+it is frozen, it stands still.  The properties of the slot limit range and speed (see ``SlotLimits``),
 and define how movements of the same variable are blended (module ``blend``).  Source: manual, TrajectoryGenerator and
 "Trajectories".
 """

@@ -1,7 +1,8 @@
 """The server: listens for clients on TCP and UNIX sockets, and keeps the open connections.
 
 Each TCP connection has TCP_NODELAY set, and the output of a lobby in one scheduler round leaves in one write.  The
-number of clients is limited; further ones get a line that says so.  The ``Connection`` handles the input of a client.
+number of clients is limited; further ones get a line that says so.  The ``LobbyConnection`` handles the input of a
+client.
 """
 
 from __future__ import annotations

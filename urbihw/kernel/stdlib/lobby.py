@@ -1,7 +1,7 @@
 """Lobby: a connection as an urbiscript object.
 
 Source: manual, specs/lobby; server protocol, sections 1 and 5.  The object is implemented in ``kernel/lobby``; the
-protocol class ``Lobby`` declares the members used here.
+protocol class ``SpeakerLobby`` declares the members used here.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """InputStream and OutputStream: access to files and pipes, byte by byte.
 
-Source: manual, specs/input-stream and specs/output-stream.  A stream uses a ``Source`` or a ``Sink``: those of regular
-files are here, those of files that may block in ``pipe``.  An unreferenced stream is closed.
+Source: manual, specs/input-stream and specs/output-stream.  A stream uses a ``ByteSource`` or a ``Sink``: those of
+regular files are here, those of files that may block in ``pipe``.  An unreferenced stream is closed.
 """
 
 from __future__ import annotations

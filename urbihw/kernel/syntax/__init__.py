@@ -4,7 +4,8 @@ Reading order:
 
 - ``location`` and ``ast``: positions, and the classes of nodes; ``binding``: what the compiler stores on nodes.
 - ``urbiscript.lark``: the grammar, the whole language on a few screens.
-- ``reader``: bytes of a connection in, statements and syntax errors out.  ``Reader`` and ``parse_program`` are what
+- ``reader``: bytes of a connection in, statements and syntax errors out.  ``StatementReader`` and ``parse_program``
+are what
   the rest of the kernel calls.
 - ``source`` keeps the characters and their positions; ``lexer`` splits them into tokens, with the words and signs of
   ``tokens``.

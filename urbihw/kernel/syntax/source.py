@@ -1,8 +1,8 @@
 """The characters of one stream: positions, beginnings of statements, blanks, comments and synclines.
 
-``Source`` buffers the input that has not been read yet, whatever the boundaries of packets, and knows the position of
-the next character.  The lexer derives from it.  Long comments are released piece by piece, so that they take time in
-proportion to their length.
+``SourceText`` buffers the input that has not been read yet, whatever the boundaries of packets, and knows the
+position of the next character.  The lexer derives from it.  Long comments are released piece by piece, so that they
+take time in proportion to their length.
 
 Facts of the server protocol (section 2): columns count bytes; CR LF, LF CR, CR and LF are one line each; in a string
 CR and LF are two lines; only ``\\n`` ends a ``//`` comment; comments nest.  Synclines: see the manual.

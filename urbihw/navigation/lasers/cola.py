@@ -155,7 +155,6 @@ class TextNumbers:
             raise BadFrame(f"{word[:20]!r} is no number") from error
 
     def word(self, size: int) -> str:
-        """See ``Numbers``."""
         return next(self._words, b"").decode("latin-1")
 
 
@@ -167,11 +166,9 @@ class BinaryNumbers:
         self._at = 0
 
     def unsigned(self, size: int) -> int:
-        """See ``Numbers``."""
         return int.from_bytes(self._take(size), "big")
 
     def word(self, size: int) -> str:
-        """See ``Numbers``."""
         return self._take(size).decode("latin-1")
 
     def _take(self, size: int) -> bytes:

@@ -32,7 +32,6 @@ class ColaDriver(LaserDriver):
         self._info = LaserInfo(0.0, 0.0)
 
     def start(self, link: Link) -> LaserInfo:
-        """See ``LaserDriver``."""
         self.set_baud(link, BAUD)
         self._framer = cola.ColaFramer()
         name = self._find_dialect(link)
@@ -42,11 +41,9 @@ class ColaDriver(LaserDriver):
         return self._info
 
     def stop(self, link: Link) -> None:
-        """See ``LaserDriver``."""
         link.write(cola.telegram("sEN", "LMDscandata 0", binary=self._binary))
 
     def take_bytes(self, data: bytes) -> LaserScan | None:
-        """See ``LaserDriver``."""
         scan = self._last_scan(data)
         if scan is None:
             return None

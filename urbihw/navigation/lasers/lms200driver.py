@@ -31,7 +31,6 @@ class SickDriver(LaserDriver):
         self._framer = lms200.SickFramer()
 
     def start(self, link: Link) -> LaserInfo:
-        """See ``LaserDriver``."""
         self._framer = lms200.SickFramer()
         self._reach(link)
         reply = self._ask(link, lms200.variant(FIELD, RESOLUTION), lms200.VARIANT_REPLY)
@@ -42,11 +41,9 @@ class SickDriver(LaserDriver):
         return LaserInfo(math.radians(field), math.radians(resolution / 100))
 
     def stop(self, link: Link) -> None:
-        """See ``LaserDriver``."""
         link.write(lms200.telegram(lms200.STOP))
 
     def take_bytes(self, data: bytes) -> LaserScan | None:
-        """See ``LaserDriver``."""
         scan = None
         for reply in self._framer.feed(data):
             if reply.kind == lms200.SCAN:

@@ -37,7 +37,6 @@ class RplidarDriver(LaserDriver):
         self._turns = rplidar.TurnReader()
 
     def start(self, link: Link) -> LaserInfo:
-        """See ``LaserDriver``."""
         self.set_baud(link, BAUD)
         set_dtr(link, on=False)
         link.write(rplidar.request(rplidar.STOP))
@@ -61,13 +60,11 @@ class RplidarDriver(LaserDriver):
         )  # fmt: skip
 
     def stop(self, link: Link) -> None:
-        """See ``LaserDriver``."""
         link.write(rplidar.request(rplidar.STOP))
         link.write(rplidar.request(rplidar.SET_MOTOR_PWM, struct.pack("<H", 0)))
         set_dtr(link, on=True)
 
     def take_bytes(self, data: bytes) -> LaserScan | None:
-        """See ``LaserDriver``."""
         nodes, turn = self._turns.feed(data)
         self.damaged = self._turns.damaged
         if nodes:

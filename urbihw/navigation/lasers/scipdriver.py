@@ -30,7 +30,6 @@ class ScipDriver(LaserDriver):
         self._range = (0.0, 0.0)
 
     def start(self, link: Link) -> LaserInfo:
-        """See ``LaserDriver``."""
         self.set_baud(link, BAUD)
         self._framer = scip.ScipFramer()
         if self._exchange(link, "QT") is None:
@@ -56,11 +55,9 @@ class ScipDriver(LaserDriver):
         )  # fmt: skip
 
     def stop(self, link: Link) -> None:
-        """See ``LaserDriver``."""
         link.write(scip.command("QT"))
 
     def take_bytes(self, data: bytes) -> LaserScan | None:
-        """See ``LaserDriver``."""
         scan = None
         for message in self._framer.feed(data):
             if not message.echo.startswith(self._echo[:12]):

@@ -83,7 +83,6 @@ class CallPart(NaoPart):
         self._refuse_delayed(LINK_LOST)
 
     def request(self, message: Request) -> list[FromWorker]:
-        """See ``Part``."""
         match message.verb:
             case "describe":
                 found = self.exchange.session.look_up(str(message.device))

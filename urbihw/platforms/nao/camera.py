@@ -103,11 +103,9 @@ class NaoCamera(Streamed):
     # ---------------------------------------------------------------- the stream
 
     def may_stream(self) -> bool:
-        """See ``Streamed``."""
         return self.load.sensed > 0 and self._has_video
 
     def switch_stream(self, on: bool) -> None:
-        """See ``Streamed``."""
         self._film()
 
     def update_stream(self) -> None:

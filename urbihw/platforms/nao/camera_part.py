@@ -63,14 +63,12 @@ class CameraPart(NaoPart):
             self.exchange.post(self._main, _CLEAR, NAME)
 
     def end(self) -> None:
-        """See ``Part``."""
         self._mode, self._handle = None, ""
         self._close("the link went down")
 
     # ---------------------------------------------------------------- on and off
 
     def request(self, message: Request) -> list[FromWorker]:
-        """See ``Part``."""
         self._mode = message.value if isinstance(message.value, CameraMode) else None
         if self._mode is None:
             self._release()
@@ -122,7 +120,6 @@ class CameraPart(NaoPart):
     # ---------------------------------------------------------------- pictures
 
     def read(self) -> None:
-        """See ``Part``."""
         session = self._session
         if session is None:
             return

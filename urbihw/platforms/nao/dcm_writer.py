@@ -115,7 +115,6 @@ class DcmWriter(JointWriter):
     # ---------------------------------------------------------------- goals
 
     def set_angle(self, joint: str, angle: float) -> str:
-        """See ``JointWriter``."""
         speed = self._speeds.get(joint)
         if speed is None:
             return f"the DCM of this robot knows no joint {joint}"
@@ -138,7 +137,6 @@ class DcmWriter(JointWriter):
         return written + self._delay
 
     def drop_goals(self, joints: Sequence[str]) -> None:
-        """See ``JointWriter``."""
         for name in joints:
             if name in self._courses:
                 self._courses[name].drop_goals()
@@ -146,7 +144,6 @@ class DcmWriter(JointWriter):
     # ---------------------------------------------------------------- commands
 
     def send(self, now: float) -> None:
-        """See ``JointWriter``."""
         exchange = self.exchange
         self._ask_time(now)
         if exchange.busy(ANGLES) or exchange.busy(STIFFNESS):
@@ -199,7 +196,6 @@ class DcmWriter(JointWriter):
     # ---------------------------------------------------------------- stops
 
     def may_move(self, joints: Sequence[str], now: float) -> list[str]:
-        """See ``JointWriter``."""
         return [name for name in joints if name in self._courses and self._courses[name].moves_until(now)]
 
     def hold(self, places: Mapping[str, float]) -> None:

@@ -92,7 +92,6 @@ class NaoBumper(NaoSensor):
     """The two switches of a foot: 1 if any is pressed."""
 
     def show(self, values: Mapping[str, float], stamp: float) -> None:
-        """See ``NaoSensor``."""
         self.mark_fresh()
         both = [values[self.item + side] for side in ("L", "R") if self.item + side in values]
         if both:

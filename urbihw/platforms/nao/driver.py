@@ -280,7 +280,6 @@ class NaoDriver(Driver):
         return request.verb == "call" and may_move(str(request.device), request.item)
 
     def pose(self, device: Any, item: str) -> float | None:
-        """See ``Driver``."""
         return self._orders.where.get(device, math.nan) if item == "angle" else None
 
     def raw_of(self, device: Any, item: str, signed: float) -> Any:

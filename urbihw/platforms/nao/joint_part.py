@@ -64,16 +64,13 @@ class JointPart(NaoPart):
             self.exchange.news.append(Refused(MOTORS, "dcm", str(error)))
 
     def end(self) -> None:
-        """See ``Part``."""
         self._writer.drop_goals(list(self._names))
         self.orders.stiffnesses.clear()
 
     def owns(self, device: Any) -> bool:
-        """See ``Part``."""
         return device == MOTORS or device in self._names
 
     def set_target(self, device: Any, item: str, value: float) -> str:
-        """See ``Part``."""
         if device == MOTORS or item not in ("angle", "stiffness"):
             return "no such target"
         if item == "angle":
@@ -82,7 +79,6 @@ class JointPart(NaoPart):
         return ""
 
     def send(self) -> None:
-        """See ``Part``."""
         exchange, orders = self.exchange, self.orders
         if exchange.options is not self._options:
             self._apply_options()
@@ -111,7 +107,6 @@ class JointPart(NaoPart):
     # ---------------------------------------------------------------- settings of the motors
 
     def request(self, message: Request) -> list[FromWorker]:
-        """See ``Part``."""
         match message.item, message.value:
             case "dcm", bool(wanted):
                 self._select_writer(self._dcm if wanted else self._angles)
@@ -150,7 +145,6 @@ class JointPart(NaoPart):
         return [joint.name for joint in self.exchange.info.joints if devices is None or joint.name in devices]
 
     def drop_targets(self, devices: Devices) -> None:
-        """See ``Part``."""
         names = self._meant(devices)
         self.orders.drop_waiting(names)
         self._writer.drop_goals(names)

@@ -61,17 +61,14 @@ class AngleWriter(JointWriter):
     """One ``setAngles`` with all new goals a cycle."""
 
     def set_angle(self, joint: str, angle: float) -> str:
-        """See ``JointWriter``."""
         self.orders.angles[joint] = angle
         return ""
 
     def drop_goals(self, joints: Sequence[str]) -> None:
-        """See ``JointWriter``."""
         for name in joints:
             self.orders.angles.pop(name, None)
 
     def send(self, now: float) -> None:
-        """See ``JointWriter``."""
         exchange = self.exchange
         if not self.orders.angles or exchange.busy(ANGLES) or exchange.busy(STIFFNESS):
             return
@@ -82,6 +79,5 @@ class AngleWriter(JointWriter):
         self.trace.write(now, angles.items())
 
     def hold(self, places: Mapping[str, float]) -> None:
-        """See ``JointWriter``."""
         self.exchange.post_motion("setAngles", list(places), list(places.values()), 1.0)
         self.trace.write(self.exchange.now(), places.items())

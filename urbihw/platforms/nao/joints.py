@@ -61,7 +61,6 @@ class NaoJoint(EffectorDevice, MeasuredDevice):
         return float(self.load.sensed)
 
     def explain_off(self) -> str:
-        """See ``EffectorDevice``."""
         return "" if self.stiffness > SLACK else f"{self.naoqiName.sensed} is slack: make it stiff with load = 1"
 
     def _write(self) -> None:
@@ -91,7 +90,6 @@ class NaoJoint(EffectorDevice, MeasuredDevice):
         return {(self.device, "angle"): m.Limit(*limits.position, limits.speed, named("position"), named("speed"))}, ()
 
     def was_limited(self, message: m.Limited) -> None:
-        """See ``platforms.base.LimitedDevice``."""
         if message.device == self.device and message.item == "angle":
             self.limit_applied(message.applied, message.limit)
 
@@ -235,6 +233,5 @@ class NaoWalk(EffectorDevice, MeasuredDevice):
         }, ()  # fmt: skip
 
     def was_limited(self, message: m.Limited) -> None:
-        """See ``platforms.base.LimitedDevice``."""
         if message.device == WALK:
             self.limit_applied(message.applied, message.limit)

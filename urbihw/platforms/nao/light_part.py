@@ -22,15 +22,12 @@ class LightPart(NaoPart):
         self._waiting: dict[str, tuple[str, float]] = {}
 
     def end(self) -> None:
-        """See ``Part``."""
         self._waiting.clear()
 
     def owns(self, device: Any) -> bool:
-        """See ``Part``."""
         return isinstance(device, tuple) and device[0] == LED
 
     def set_target(self, device: Any, item: str, value: float) -> str:
-        """See ``Part``."""
         if item not in ("rgb", "level"):
             return "no such target"
         # The last one written comes last: groups overlap.

@@ -40,11 +40,9 @@ class MicroPart(NaoPart):
         self._is_asked = self._is_subscribed = False
 
     def owns(self, device: Any) -> bool:
-        """See ``Part``."""
         return bool(device == MICRO)
 
     def watch(self, on: bool) -> None:
-        """See ``Part``."""
         self._wanted = on
 
     def send(self) -> None:

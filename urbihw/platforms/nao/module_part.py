@@ -64,7 +64,6 @@ class ModulePart(NaoPart):
     # ---------------------------------------------------------------- the link
 
     def begin(self) -> None:
-        """See ``Part``."""
         self._rate = TokenBucket(MODULE_CALLS_A_SECOND, MODULE_CALL_BURST, self.exchange.now())
 
     def end(self) -> None:
@@ -84,7 +83,6 @@ class ModulePart(NaoPart):
     # ---------------------------------------------------------------- requests
 
     def request(self, message: Request) -> list[FromWorker]:
-        """See ``Part``."""
         match message.verb:
             case "serve":
                 self._serve(message)

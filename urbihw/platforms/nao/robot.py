@@ -92,7 +92,6 @@ class Nao(MotionRobot):
         set_range(self.volume, 0.0, 100.0)
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
-        """See ``WiredRobot``."""
         self._settings = settings
         super().open(settings, opened)
 
@@ -104,7 +103,6 @@ class Nao(MotionRobot):
             self.motor.configure(settings)
 
     def status(self) -> str:
-        """See ``Robot``."""
         if not self.link.sensed:
             return "link down"
         stiff = sum(joint.load.sensed > 0 for joint in self.joints.values())
@@ -175,7 +173,6 @@ class Nao(MotionRobot):
         self.wait_for_readings()
 
     def is_complete(self) -> bool:
-        """See ``WiredRobot``."""
         return self._complete
 
     def limited_devices(self) -> Mapping[str, LimitedDevice]:
@@ -194,7 +191,6 @@ class Nao(MotionRobot):
     # ---------------------------------------------------------------- what the worker says
 
     def on_samples(self, message: m.Samples) -> None:
-        """See ``WiredRobot``."""
         if not self._built:
             return
         for device, values in message.values.items():
@@ -228,7 +224,6 @@ class Nao(MotionRobot):
         self.memory.emit(message.what, message.value)
 
     def on_refused(self, message: m.Refused) -> None:
-        """See ``WiredRobot``."""
         if message.device == MOTORS and self._built:
             self.motor.was_refused(message)
         if message.device == WALK and self._complete:
@@ -237,7 +232,6 @@ class Nao(MotionRobot):
         super().on_refused(message)
 
     def on_link_down(self, reason: str) -> None:
-        """See ``WiredRobot``."""
         if self._built:
             self.walk.halted()
             self.modules.cancel_all()
@@ -248,7 +242,6 @@ class Nao(MotionRobot):
             self.send("robot.mobility.lose;")
 
     def on_halt(self, reason: str, devices: tuple[Hashable, ...] | None = None) -> None:
-        """See ``WiredRobot``."""
         if self._built and (devices is None or WALK in devices):
             self.walk.halted()
         if devices is None or SERVICES in devices:

@@ -48,7 +48,6 @@ class SensePart(NaoPart):
         self._told.clear()
 
     def request(self, message: Request) -> list[FromWorker]:
-        """See ``Part``."""
         key = str(message.device)
         if key not in self._followed:
             if len(self._followed) == MOST_FOLLOWED:
@@ -67,7 +66,6 @@ class SensePart(NaoPart):
         self._show(self._all, found.values)
 
     def read(self) -> None:
-        """See ``Part``."""
         exchange = self.exchange
         if exchange.busy("reading"):
             return

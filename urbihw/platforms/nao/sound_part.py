@@ -47,11 +47,9 @@ class SoundPart(NaoPart):
         self._has_rate, self._ends, self._call = False, -math.inf, None
 
     def end(self) -> None:
-        """See ``Part``."""
         self._drop_pieces(LINK_LOST)
 
     def owns(self, device: Any) -> bool:
-        """See ``Part``."""
         return bool(device == SPEAKER)
 
     def set_target(self, device: Any, item: str, value: float) -> str:

@@ -39,11 +39,9 @@ class WalkPart(NaoPart):
         self._due = self._asked = False
 
     def owns(self, device: Any) -> bool:
-        """See ``Part``."""
         return bool(device == WALK)
 
     def set_target(self, device: Any, item: str, value: float) -> str:
-        """See ``Part``."""
         if item not in AXES:
             return "no such target"
         self._speeds[item] = value
@@ -51,7 +49,6 @@ class WalkPart(NaoPart):
         return ""
 
     def send(self) -> None:
-        """See ``Part``."""
         exchange = self.exchange
         if exchange.busy(WALK):
             return
@@ -79,7 +76,6 @@ class WalkPart(NaoPart):
         return [Reply(message.reply_id, True)]
 
     def read(self) -> None:
-        """See ``Part``."""
         exchange = self.exchange
         slow = self._cycle % PLACE_CYCLES == 0
         self._cycle += 1
@@ -91,7 +87,6 @@ class WalkPart(NaoPart):
         self.exchange.values[WALK] = dict(zip(("x", "y", "theta"), place, strict=True))
 
     def drop_targets(self, devices: Devices) -> None:
-        """See ``Part``."""
         if devices is None or WALK in devices:
             self._speeds = dict.fromkeys(AXES, 0.0)
             self._due = False
@@ -103,7 +98,6 @@ class WalkPart(NaoPart):
             self.exchange.post_motion("stopMove")
 
     def is_moving(self) -> bool:
-        """See ``Part``."""
         return self._walks or self._due and any(self._speeds.values())
 
     def find_moving(self) -> list[Any]:

@@ -68,17 +68,14 @@ class WholeBodyPart(NaoPart):
         self._read_at = -math.inf
 
     def end(self) -> None:
-        """See ``Part``."""
         self._goals.clear()
         self._steps.clear()
         self._asked = False
 
     def owns(self, device: Any) -> bool:
-        """See ``Part``."""
         return device == HANDS or device in EFFECTORS.values()
 
     def watch(self, on: bool) -> None:
-        """See ``Part``."""
         self._watched = on
 
     def set_target(self, device: Any, item: str, value: float) -> str:
@@ -86,7 +83,6 @@ class WholeBodyPart(NaoPart):
         return "no such target"
 
     def request(self, message: Request) -> list[FromWorker]:
-        """See ``Part``."""
         effector = str(message.device)
         if effector not in self._hands or message.item != "pos":
             raise BadValue(f"there is no hand of {effector}")
@@ -170,7 +166,6 @@ class WholeBodyPart(NaoPart):
     # ---------------------------------------------------------------- stops
 
     def drop_targets(self, devices: Devices) -> None:
-        """See ``Part``."""
         for effector in list(self._goals):
             if devices is None or effector in devices:
                 del self._goals[effector]

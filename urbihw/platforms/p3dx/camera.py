@@ -57,12 +57,10 @@ class SonyEviD30:
         return (bytes.fromhex("88 01 00 01 FF 88 30 01 FF"),)
 
     def look(self, pan: float, tilt: float) -> Sequence[bytes]:
-        """See ``Mechanics``."""
         counts = round(-pan / self.pan * self.PAN_COUNTS), round(tilt / self.tilt[1] * self.TILT_COUNTS)
         return (b"\x81\x01\x06\x02" + self.SPEEDS + _nibbles(counts[0]) + _nibbles(counts[1]) + b"\xff",)
 
     def zoom(self, value: float) -> Sequence[bytes]:
-        """See ``Mechanics``."""
         return (b"\x81\x01\x04\x47" + _nibbles(round(value * self.MOST_ZOOM)) + b"\xff",)
 
 
@@ -88,7 +86,6 @@ class CanonVcC4:
         return _canon(b"\x530"), _canon(b"\x62" + (self._digits(-pan) + self._digits(tilt)).encode("ascii"))
 
     def zoom(self, value: float) -> Sequence[bytes]:
-        """See ``Mechanics``."""
         return (_canon(b"\xb3" + b"%04X" % round(value * self.MOST_ZOOM)),)
 
     def _digits(self, angle: float) -> str:

@@ -117,7 +117,6 @@ class ModeServo(ServoMotor):
         return [(mode.effector, 0 if mode.motion is ModeMotion.RATE else PRESENT_POSITION)]
 
     def plan_mode(self, mode: Mode) -> list[Step]:
-        """See ``_plan``."""
         return self._plan(mode, {})
 
     def plan_limits(self, wheel: bool, least: float, most: float) -> list[Step]:

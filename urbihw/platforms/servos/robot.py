@@ -252,7 +252,6 @@ class ServoRobot(MotionRobot):
         return float(raw) if scale is None else scale[0].speed_of(int(raw)) * scale[1]
 
     def raw_target(self, device: Any, item: str, signed: float) -> Any:
-        """See ``WiredRobot``."""
         scale = self._wheel_scale(device, item)
         return signed if scale is None else scale[0].speed_target(signed / scale[1], True)[1]
 

@@ -92,7 +92,6 @@ class WebotsRobot(s.BackEnd):
         return self.elapsed_ms / 1000
 
     def enable(self, name: str, period: int) -> None:
-        """See ``BackEnd``."""
         if name.startswith(s.NODES):
             self._node(name.removeprefix(s.NODES))
             return
@@ -107,7 +106,6 @@ class WebotsRobot(s.BackEnd):
             _enable(device, period)
 
     def read(self, name: str) -> Any:
-        """See ``BackEnd``."""
         if name.startswith(s.NODES):
             node = self._node(name.removeprefix(s.NODES))
             return (*node.getPosition(), *rotation_vector(_quaternion(node.getOrientation())))
@@ -150,7 +148,6 @@ class WebotsRobot(s.BackEnd):
     # ---------------------------------------------------------------- writing
 
     def write(self, name: str, item: str, value: Any) -> None:
-        """See ``BackEnd``."""
         device, kind = self._device(name), self._kinds[name]
         if kind == s.MOTOR:
             self._write_motor(name, device, item, value)
@@ -192,7 +189,6 @@ class WebotsRobot(s.BackEnd):
             type(device).playSound(device, device, value, 1.0, 1.0, 0.0, False)
 
     def stop(self, name: str) -> None:
-        """See ``BackEnd``."""
         device = self._device(name)
         if self._kinds[name] != s.MOTOR:
             return
@@ -218,7 +214,6 @@ class WebotsRobot(s.BackEnd):
         field.setSFRotation([*axis, angle])
 
     def label(self, label: s.LabelText) -> None:
-        """See ``BackEnd``."""
         colour = sum(
             round(part * 255) << shift for part, shift in ((label.red, 16), (label.green, 8), (label.blue, 0))
         )
@@ -227,15 +222,12 @@ class WebotsRobot(s.BackEnd):
         )
 
     def reset_physics(self) -> None:
-        """See ``BackEnd``."""
         self._robot.simulationResetPhysics()
 
     def revert(self) -> None:
-        """See ``BackEnd``."""
         self._robot.worldReload()
 
     def quit(self) -> None:
-        """See ``BackEnd``."""
         self._robot.simulationQuit(0)
 
     def close(self) -> None:

@@ -59,12 +59,10 @@ class ControllerProcess:
         raise Unavailable(errno.EHOSTUNREACH, problem)
 
     def begin(self, ms: int, orders: list[StepOrder]) -> None:
-        """See ``Simulation``."""
         with contextlib.suppress(OSError):  # ``poll`` tells it.
             self._pipe.send((ms, orders))
 
     def poll(self) -> Outcome | None:
-        """See ``Simulation``."""
         try:
             if not self._pipe.poll():
                 return None

@@ -284,7 +284,6 @@ class SimulationDriver(Driver):
         return False
 
     def pose(self, device: Any, item: str) -> float | None:
-        """See ``Driver``."""
         return self._motors.get(device, (math.nan,))[0] if item == "position" else None
 
     def raw_of(self, device: Any, item: str, signed: float) -> float:

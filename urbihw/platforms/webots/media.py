@@ -51,7 +51,6 @@ class Camera(SimSensor):
         self.val.sense(UImage.of(b"", 0, 0))
 
     def sensed(self, value: bytes, stamp: float) -> None:
-        """See ``SimSensor``."""
         width, height = int(self.fact("width")), int(self.fact("height"))
         self.val.sense(UImage.of(value, width, height), stamp)
         for watcher in self.watchers:
@@ -73,7 +72,6 @@ class Receiver(SimSensor):
         self.channel.sense(self.fact("channel"))
 
     def sensed(self, value: Sequence[bytes], stamp: float) -> None:
-        """See ``SimSensor``."""
         for packet in value:
             text = packet.decode("latin-1")
             self.val.sense(text, stamp)

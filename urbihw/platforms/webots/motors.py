@@ -84,7 +84,6 @@ class SimMotor(EffectorDevice, MeasuredDevice):
         self.load.sense(float(on))
 
     def explain_off(self) -> str:
-        """See ``EffectorDevice``."""
         return "" if self.load.sensed else LOOSE
 
     # ---------------------------------------------------------------- measured
@@ -108,7 +107,6 @@ class SimMotor(EffectorDevice, MeasuredDevice):
         return table, ()
 
     def was_limited(self, message: m.Limited) -> None:
-        """See ``LimitedDevice``."""
         if message.device == self._name:
             self.limit_applied(message.applied, message.limit)
 
@@ -126,7 +124,6 @@ class Servo(SimMotor):
         self.begin(name)
 
     def show(self, values: Sequence[float], stamp: float) -> None:
-        """See ``SimMotor``."""
         super().show(values, stamp)
         if self._feedback:
             self.force.sense(values[2], stamp)
@@ -167,7 +164,6 @@ class DifferentialWheels(SimMotor):
         self.encoderResolution.sense(value)
 
     def show(self, values: Sequence[float], stamp: float) -> None:
-        """See ``SimMotor``."""
         super().show(values, stamp)
         self._position = values[0]
         self.encoder.sense((self._position - self._offset) * float(self.encoderResolution.sensed), stamp)

@@ -220,7 +220,6 @@ class MujocoWorld(s.BackEnd):
     # ---------------------------------------------------------------- stepping
 
     def step(self, ms: int) -> bool:
-        """See ``BackEnd``."""
         model, data, mj_step = self._model, self._data, self._mujoco.mj_step
         count = max(1, round(ms / 1000 / model.opt.timestep))
         moving = [motor for motor in self._motors.values() if motor.is_on_its_way()]
@@ -256,7 +255,6 @@ class MujocoWorld(s.BackEnd):
         )
 
     def time(self) -> float:
-        """See ``BackEnd``."""
         return self.elapsed_ms / 1000
 
     def enable(self, name: str, period: int) -> None:
@@ -270,18 +268,15 @@ class MujocoWorld(s.BackEnd):
             self._renderer(name, *self._cameras[name])
 
     def read(self, name: str) -> Any:
-        """See ``BackEnd``."""
         return self._reads[name]()
 
     def write(self, name: str, item: str, value: Any) -> None:
-        """See ``BackEnd``."""
         writer = self._writes.get(name)
         if writer is None:
             raise ValueError(s.no_such("device to write to", name, self._writes))
         writer(item, value)
 
     def stop(self, name: str) -> None:
-        """See ``BackEnd``."""
         if name in self._motors:
             self._motors[name].hold()
 
@@ -335,7 +330,6 @@ class MujocoWorld(s.BackEnd):
             self.labels[label.number] = label
 
     def reset_physics(self) -> None:
-        """See ``BackEnd``."""
         self._data.qvel[:] = 0.0
         self._data.qacc_warmstart[:] = 0.0
         self._mujoco.mj_forward(self._model, self._data)

@@ -58,16 +58,13 @@ class OwnSimulation:
         self._outcome: Outcome | None = None
 
     def begin(self, ms: int, orders: list[StepOrder]) -> None:
-        """See ``Simulation``."""
         self._outcome = self._back_end.run(ms, orders)
 
     def poll(self) -> Outcome | None:
-        """See ``Simulation``."""
         outcome, self._outcome = self._outcome, None
         return outcome
 
     def close(self) -> None:
-        """See ``Simulation``."""
         self._back_end.close()
 
 

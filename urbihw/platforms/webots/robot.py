@@ -117,11 +117,9 @@ class Webots(WiredRobot):
     # ---------------------------------------------------------------- what the daemon calls
 
     def await_programs(self) -> None:
-        """See ``Robot``."""
         self._waits = True
 
     def begin_programs(self) -> None:
-        """See ``Robot``."""
         self._waits, self._rounds = False, 0
         # A program that has still something to do at this time is waited for, as at each other time.
         if self.host.is_idle():
@@ -136,7 +134,6 @@ class Webots(WiredRobot):
         self.host.each_round(self._end_round)
 
     def close(self) -> None:
-        """See ``WiredRobot``."""
         if self._view is not None:
             self._view.close()
         super().close()
@@ -173,30 +170,25 @@ class Webots(WiredRobot):
 
     @property
     def world(self) -> SimulatedWorld:
-        """See ``Surface``."""
         if self._world is None:
             raise ValueError("the simulation is not there yet")
         return self._world
 
     def add_motor(self, name: str, motor: SimMotor) -> None:
-        """See ``Surface``."""
         self._motors[name] = motor
         self.add_device(name, motor, 0.0)
         self.send_limits()
 
     def stop_motor(self, name: str, reason: str) -> None:
-        """See ``Surface``."""
         self.motion.end(name, reason)
         self.send_message(m.Stop(self.motion.epoch, reason, (name,)))
 
     def add_device(self, name: str, device: Shown, period: float) -> None:
-        """See ``Surface``."""
         self._shown.setdefault(name, []).append(device)
         self._periods[name] = period
         self.channel.watch(name, ("value",), period)
 
     def switch(self, name: str, on: bool) -> None:
-        """See ``Surface``."""
         self.channel.watch(name, ("value",), self._periods[name] if on else None)
         for device in self._shown.get(name, ()):
             load = getattr(device, "load", None)
@@ -206,19 +198,15 @@ class Webots(WiredRobot):
                 device.mark_stale()
 
     def is_taken(self, name: str) -> bool:
-        """See ``Surface``."""
         return name in self._shown
 
     def write(self, device: str, item: str, value: Any) -> None:
-        """See ``Surface``."""
         self.channel.write(device, item, value, self._report)
 
     def ask(self, verb: str, value: Any = None) -> None:
-        """See ``Surface``."""
         self.channel.send_request(verb, SIMULATOR, self._report, value=value)
 
     def next_label(self) -> int:
-        """See ``Surface``."""
         self._labels += 1
         return self._labels
 

@@ -18,7 +18,6 @@ class SimulatedScene:
         self._show: Callable[[bytes, float], None] | None = None
 
     def begin(self, period: float, show: Callable[[bytes, float], None]) -> None:
-        """See ``Source``."""
         if self._show is None:
             self._surface.add_device(SCENE, self, period)
         else:
@@ -26,12 +25,10 @@ class SimulatedScene:
         self._show = show
 
     def end(self) -> None:
-        """See ``Source``."""
         if self._show is not None:
             self._surface.channel.watch(SCENE, ("value",), None)
 
     def model(self) -> Path:
-        """See ``Source``."""
         return Path(self._surface.world.model)
 
     def show(self, value: Any, stamp: float) -> None:

@@ -61,7 +61,6 @@ class Accelerometer(SimSensor):
         super().init(name)
 
     def sensed(self, value: Sequence[float], stamp: float) -> None:
-        """See ``SimSensor``."""
         self.acceleration.sense(value[self._axis], stamp)
 
 
@@ -78,7 +77,6 @@ class Gyro(SimSensor):
         super().init(name)
 
     def sensed(self, value: Sequence[float], stamp: float) -> None:
-        """See ``SimSensor``."""
         self.speed.sense(value[self._axis], stamp)
 
 
@@ -103,7 +101,6 @@ class _Place(SimSensor):
         super().init(name)
 
     def sensed(self, value: Sequence[float], stamp: float) -> None:
-        """See ``SimSensor``."""
         for slot, each in zip(self.names(), value, strict=True):
             self.variables[slot].sense(each, stamp)
         self.val.sense([float(each) for each in value], stamp)
@@ -131,7 +128,6 @@ class Compass(_Place):
     angle = reading(math.nan)
 
     def sensed(self, value: Sequence[float], stamp: float) -> None:
-        """See ``SimSensor``."""
         super().sensed(value, stamp)
         self.angle.sense(math.atan2(value[0], value[1]), stamp)
 
@@ -146,7 +142,6 @@ class InertialUnit(_Place):
     yaw = reading(math.nan)
 
     def names(self) -> tuple[str, str, str]:
-        """See ``_Place``."""
         return "roll", "pitch", "yaw"
 
 
@@ -159,7 +154,6 @@ class DistanceSensor(SimSensor):
     factor = variable(1.0)
 
     def sensed(self, value: float, stamp: float) -> None:
-        """See ``SimSensor``."""
         self.distance.sense(value * number(self.factor), stamp)
 
 
@@ -183,7 +177,6 @@ class LightSensor(SimSensor):
     val = reading(math.nan)
 
     def sensed(self, value: float, stamp: float) -> None:
-        """See ``SimSensor``."""
         self.val.sense(value, stamp)
 
 
@@ -195,7 +188,6 @@ class PositionSensor(SimSensor):
     val = reading(math.nan)
 
     def sensed(self, value: float, stamp: float) -> None:
-        """See ``SimSensor``."""
         self.val.sense(value, stamp)
 
 
@@ -224,7 +216,6 @@ class Lidar(SimSensor):
         self.rate.sense(1000 / self._surface.world.step_ms)
 
     def sensed(self, value: Sequence[float], stamp: float) -> None:
-        """See ``SimSensor``."""
         self.val.sense([float(each) for each in value], stamp)
 
 
@@ -247,7 +238,6 @@ class RangeFinder(SimSensor):
             var.sense(self.fact(fact))
 
     def sensed(self, value: Sequence[float], stamp: float) -> None:
-        """See ``SimSensor``."""
         self.val.sense([float(each) for each in value], stamp)
 
 

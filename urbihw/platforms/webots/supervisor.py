@@ -107,7 +107,6 @@ class ManipulateNode(MeasuredDevice):
         self._surface.channel.settle_later(self)
 
     def settle(self) -> None:
-        """See ``channel.Settles``."""
         ordered, self._ordered = self._ordered, {}
         for item, vector in ordered.items():
             self._surface.write(s.NODES + self._name, item, tuple(vector))
