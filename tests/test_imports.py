@@ -76,10 +76,14 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.backoff": (),
     "urbihw.repeats": (),
     "urbihw.exitcodes": (),
+    # Where a bus worker listens besides its file.
+    "urbihw.control_address": (),
     # How an extra is installed: for who has to say so.
     "urbihw.extras": (),
     # Wires and robots.
-    "urbihw.buses": ("urbihw.settings", "urbihw.backoff", "urbihw.extras", "urbihw.files"),
+    "urbihw.buses": (
+        "urbihw.settings", "urbihw.backoff", "urbihw.extras", "urbihw.files", "urbihw.control_address",
+    ),  # fmt: skip
     # Maps, paths and scans for any base that drives; it knows no platform.
     "urbihw.navigation": (
         "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.extras", "urbihw.files",
@@ -164,6 +168,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.extras",
         "urbihw.files",
         "urbihw.backoff",
+        "urbihw.control_address",
         "urbihw.client",
         "urbihw.buses.verdict",
     ),
@@ -184,6 +189,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.settings",
         "urbihw.backoff",
         "urbihw.exitcodes",
+        "urbihw.control_address",
         "urbihw.extras",
         "urbihw.daemon",
         "urbihw.remote",

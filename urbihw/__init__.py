@@ -9,9 +9,10 @@ What to read, in order: ``kernel`` (the language), ``buses`` (wires), ``navigati
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
+TYPE_CHECKING = False  # as ``typing`` has it, whose import a stop cannot wait for
 if TYPE_CHECKING:
+    from typing import Any
+
     from urbihw.client.robot import connect
 
 __all__ = ["connect"]

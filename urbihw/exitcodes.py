@@ -5,7 +5,9 @@ Source: server protocol, section 9, for 1, 64, 66 and 69; the others are those o
 
 from __future__ import annotations
 
-from typing import Final
+TYPE_CHECKING = False  # as ``typing`` has it, whose import a stop cannot wait for
+if TYPE_CHECKING:
+    from typing import Final
 
 EX_OK: Final = 0
 NO_SERVER: Final = 1

@@ -16,25 +16,28 @@ import pytest
 
 from urbihw.buses import messages as m
 from urbihw.buses.clock import BusRealClock
-from urbihw.buses.control import MAX_CLIENTS, MAX_LINE_BYTES, MAX_QUEUED_LINES, REST_S, ControlSocket
+from urbihw.buses.control import LOOK_PERIOD_S, MAX_CLIENTS, MAX_LINE_BYTES, MAX_QUEUED_LINES, REST_S, ControlSocket
 from urbihw.buses.driver import driver_of
 from urbihw.buses.engine import Engine
 from urbihw.buses.errors import Unavailable
 from urbihw.buses.mailbox import Mailbox
+from urbihw.control_address import abstract_address
 
 from .conftest import Rig
 from .test_worker import Bench, of
 
 Say = dict[str, Any]
 GOAL = "goal_position"
+LISTENERS = 2
+"""At the file, and at the abstract name."""
 
 
 class Caller:
     """A client of a control socket."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, address: Path | bytes) -> None:
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self.socket.connect(str(path))
+        self.socket.connect(address if isinstance(address, bytes) else str(address))
         self.socket.setblocking(False)
         self.ended = False
         self._buffer = b""
@@ -78,8 +81,8 @@ class ControlBench(Bench):
         )
         self.callers: list[Caller] = []
 
-    def call(self) -> Caller:
-        self.callers.append(Caller(self.path))
+    def call(self, address: Path | bytes | None = None) -> Caller:
+        self.callers.append(Caller(self.path if address is None else address))
         return self.callers[-1]
 
     def order(self, verb: str, who: str = "a test") -> tuple[Say, list[m.FromWorker]]:
@@ -118,6 +121,49 @@ def bench(rig: Rig, tmp_path: Path) -> Iterator[ControlBench]:
 
 
 # ---------------------------------------------------------------- in an engine
+
+
+def test_a_socket_whose_file_was_deleted_still_stops_the_robot_and_makes_its_file_again(bench: ControlBench) -> None:
+    bench.move(900)
+    bench.path.unlink()
+    caller = bench.call(abstract_address(bench.path))
+    caller.say("estop")
+    bench.run(0.03)
+    assert bench.register(GOAL) == pytest.approx(bench.register("present_position"), abs=3)
+    bench.run(LOOK_PERIOD_S)
+    assert bench.order("state")[0]["estop"] == "a test"
+    assert stat.S_IMODE(bench.path.stat().st_mode) == 0o660
+
+
+def test_a_file_that_somebody_else_has_put_there_stays(bench: ControlBench) -> None:
+    bench.path.unlink()
+    bench.path.write_text("mine")
+    bench.run(2 * LOOK_PERIOD_S)
+    assert bench.path.read_text() == "mine"
+
+
+def test_an_abstract_name_that_is_taken_keeps_no_worker_from_its_file(tmp_path: Path) -> None:
+    path = tmp_path / "x.sock"
+    with socket.socket(socket.AF_UNIX) as other:
+        other.bind(abstract_address(path))
+        made = ControlSocket(path, time.monotonic)
+        assert len(made.descriptors()) == 1
+        made.close()
+
+
+def test_the_robot_stands_before_the_latch_is_written(bench: ControlBench, monkeypatch: pytest.MonkeyPatch) -> None:
+    authority = bench.engine._authority
+    seen: list[int] = []
+
+    def write() -> str:
+        seen.append(bench.register(GOAL))
+        return "no inode is left"
+
+    monkeypatch.setattr(authority, "_write_latch", write)
+    bench.move(900)
+    answer, _ = bench.order("estop")
+    assert seen == [pytest.approx(bench.register("present_position"), abs=3)]
+    assert answer["ok"] and answer["unkept"] == "no inode is left"
 
 
 def test_stop_stops_and_what_was_asked_for_before_counts_no_more(bench: ControlBench) -> None:
@@ -439,7 +485,7 @@ def test_many_that_come_and_go_are_all_heard(desk: Desk) -> None:
         assert caller.hear()
         caller.close()
     desk.serve()
-    assert len(desk.control.descriptors()) == 1
+    assert len(desk.control.descriptors()) == LISTENERS
 
 
 def test_a_subscriber_that_does_not_read_loses_the_oldest_and_is_told_how_many(
@@ -486,6 +532,6 @@ def test_who_asks_without_end_and_never_reads_is_let_go(desk: Desk, call: Callab
         except (BlockingIOError, BrokenPipeError, ConnectionResetError):
             break
         desk.serve()
-        if len(desk.control.descriptors()) == 1:
+        if len(desk.control.descriptors()) == LISTENERS:
             break
-    assert len(desk.control.descriptors()) == 1
+    assert len(desk.control.descriptors()) == LISTENERS

@@ -168,7 +168,9 @@ def test_a_release_that_cannot_remove_the_latch_says_so(tmp_path: Path) -> None:
 def test_an_emergency_stop_with_a_pipe_in_place_of_its_file_holds_and_says_so(tmp_path: Path) -> None:
     authority = MotionAuthority(0, tmp_path / "c.estop")
     os.mkfifo(tmp_path / "c.estop")
-    assert "is not kept" in authority.latch("a test")
+    authority.latch("a test")
+    assert authority.latched
+    assert "is not kept" in authority.keep_latch() == authority.unkept
     assert authority.latched == "a test"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import socket
 import subprocess
 import sys
@@ -17,6 +18,7 @@ import pytest
 
 from urbihw.cli import control, direct
 from urbihw.cli.main import main
+from urbihw.control_address import abstract_address
 from urbihw.daemon import runtime
 from urbihw.daemon.config import Config
 
@@ -29,12 +31,14 @@ STATE = {"ok": True, "epoch": 3, "estop": "", "link": True}
 class Robot:
     """A control socket that answers each line with the same, or (None) with nothing."""
 
-    def __init__(self, path: Path, answer: dict[str, Any] | bytes | None) -> None:
+    def __init__(
+        self, path: Path, answer: dict[str, Any] | bytes | None, address: bytes | None = None
+    ) -> None:
         self.path = path
         self.heard: list[dict[str, Any]] = []
         self._answer = answer
         self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self._listener.bind(str(path))
+        self._listener.bind(address or str(path))
         self._listener.listen()
         self._held: list[socket.socket] = []
         self._thread = threading.Thread(target=self._serve)
@@ -86,10 +90,11 @@ def add(folder: Path) -> Iterator[Add]:
     made: list[Robot] = []
 
     def start(
-        name: str = "bioloid-54000", answer: dict[str, Any] | bytes | None = STATE, where: Path = folder
+        name: str = "bioloid-54000", answer: dict[str, Any] | bytes | None = STATE, where: Path = folder,
+        address: bytes | None = None,
     ) -> Robot:
         where.mkdir(exist_ok=True)
-        made.append(Robot(where / f"{name}.sock", answer))
+        made.append(Robot(where / f"{name}.sock", answer, address))
         return made[-1]
 
     yield start
@@ -113,6 +118,7 @@ def leave(folder: Path, name: str) -> None:
         ("stop", {"estop": "me"}, "stopped; an emergency stop holds (me) until: urbihw release"),
         ("stop", {"link": False}, "stopped; its link is down: it will be stopped as soon as the link is back"),
         ("estop", {"estop": "me"}, "emergency stop, held until: urbihw release"),
+        ("estop", {"unkept": "no room"}, "emergency stop, held until: urbihw release; no room"),
         ("release", {}, "released"),
         ("release", {"link": False}, "released"),
     ],
@@ -228,6 +234,15 @@ def test_a_folder_of_somebody_else_keeps_no_service_from_being_stopped(
     assert capsys.readouterr().out == "bioloid-54000: stopped\n"
 
 
+def test_a_robot_whose_socket_file_was_deleted_is_found_and_stopped(add: Add, folder: Path, capsys: Capture) -> None:
+    path = folder / "bioloid-54000.sock"
+    robot = add(address=abstract_address(path))
+    for words in (("estop",), ("estop", "--socket", str(path)), ("release",)):
+        assert main(words) == 0
+        assert capsys.readouterr().out.startswith("bioloid-54000: ")
+    assert [each["do"] for each in robot.heard] == ["estop", "estop", "release"]
+
+
 # ---------------------------------------------------------------- several robots
 
 
@@ -280,6 +295,28 @@ def test_a_release_does_not_ask_which_if_only_one_lives(add: Add, folder: Path, 
 
 
 # ---------------------------------------------------------------- quickly
+
+
+@pytest.mark.parametrize("words", [("--who", "me"), ("--who=me",), ("--socket", "PATH", "--who", "a \"b\" \\ \n c")])
+def test_a_plain_stop_needs_no_parser_and_nothing_slow(add: Add, words: tuple[str, ...]) -> None:
+    robot = add()
+    words = tuple(str(robot.path) if word == "PATH" else word for word in words)
+    program = (
+        "import sys; from urbihw.cli.entry import urbihw; code = urbihw(); "
+        "print(code, [name for name in ('argparse', 'typing', 'pathlib') if name in sys.modules])"
+    )
+    # Without the paths of installed packages: the finder of an editable installation imports pathlib.
+    done = subprocess.run(
+        (sys.executable, "-S", "-c", program, "estop", *words), capture_output=True, text=True, check=True,
+        cwd=Path(control.__file__).parents[2], env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
+    )  # fmt: skip
+    assert done.stdout == "bioloid-54000: emergency stop, held until: urbihw release\n0 []\n"
+    assert robot.heard == [{"do": "estop", "who": "me" if "b" not in words[-1] else 'a "b" \\   c'}]
+
+
+@pytest.mark.parametrize("words", [("--help",), ("--key", "x"), ("--soc", "x"), ("--who",), ("PATH",)])
+def test_what_is_not_plain_goes_to_the_parser(words: tuple[str, ...]) -> None:
+    assert control.run_at_once(("estop", *words)) is None
 
 
 WATCHED = ("urbihw.kernel", "urbihw.buses", "asyncio", "tempfile", "urbihw.cli.serve", "urbihw.cli.console", "inspect")

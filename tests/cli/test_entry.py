@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from urbihw.cli import entry
-from urbihw.cli.main import PIPE_CLOSED
+from urbihw.cli.entry import PIPE_CLOSED
 
 SCRIPTS = tomllib.loads((Path(__file__).resolve().parents[2] / "pyproject.toml").read_text())["project"]["scripts"]
 

@@ -12,7 +12,7 @@ import pytest
 from health_sample import HEALTHY
 from test_control_commands import Robot, leave
 
-from urbihw.cli import control, reports
+from urbihw.cli import control
 from urbihw.cli.main import main
 from urbihw.daemon import runtime
 
@@ -27,7 +27,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Where the control sockets of this user are."""
     monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    for module in (runtime, control, reports):
+    for module in (runtime, control):
         monkeypatch.setattr(module, "SERVICE_FOLDER", tmp_path / "service")
     return runtime.runtime_folder()
 

@@ -26,22 +26,30 @@ class MotionAuthority:
         epoch: the current motion epoch.
         latched: the reason of the emergency stop that holds, "" if none does.
         unreadable: why the latch file could not be read, although it is there; "" if it could.
+        unkept: why the latch that holds is not in its file, so that it ends with this worker; "" if it is.
     """
 
     def __init__(self, epoch: int = 0, file: Path | None = None) -> None:
         """``file`` stores the latch; with None the latch ends with this worker."""
         self.epoch = epoch
         self._file = file
-        self.unreadable = ""
+        self.unreadable = self.unkept = ""
         self.latched = self._read_latch()
 
     def advance(self, epoch: int | None = None) -> None:
         """Begin the next epoch after a stop, or ``epoch`` if the master has numbered it already."""
         self.epoch = self.epoch + 1 if epoch is None else max(self.epoch, epoch)
 
-    def latch(self, reason: str) -> str:
-        """Refuse all motion until ``release``; return why the latch file could not be written, or ""."""
+    def latch(self, reason: str) -> None:
+        """Refuse all motion until ``release``; ``keep_latch`` writes the file, after the stop."""
         self.latched = " ".join(reason.split())[:_MOST] or "emergency stop"
+
+    def keep_latch(self) -> str:
+        """Write the latch to its file; return why that was not possible, which ``unkept`` tells from then on, or ""."""
+        self.unkept = self._write_latch()
+        return self.unkept
+
+    def _write_latch(self) -> str:
         if self._file is None:
             return ""
         try:
@@ -55,7 +63,7 @@ class MotionAuthority:
 
     def release(self) -> str:
         """Allow motion again and remove the latch file; return why it could not be removed, or ""."""
-        self.latched = ""
+        self.latched = self.unkept = ""
         if self._file is None:
             return ""
         try:

@@ -5,6 +5,9 @@ A UNIX stream socket, mode 0660.  Each line is a JSON object, in both directions
     > {"do": "estop", "who": "the red button"}
     < {"ok": true, "do": "estop", "epoch": 4, "estop": "the red button", "link": true}
 
+The file may be deleted under the worker, by somebody who cleans up: it is made again within half a second. Meanwhile
+there is an abstract socket (``urbihw.control_address``), for the user of the worker and for root.
+
 Nothing here blocks: the engine calls `poll` between two transactions on the wire.  A client that does not read loses
 telemetry and gets the number of lost messages; it never delays the worker or another client.
 """
@@ -32,6 +35,7 @@ from urbihw.buses.messages import (
     Statistics,
     Stopped,
 )
+from urbihw.control_address import abstract_address, user_at
 
 STOP, ESTOP, RELEASE, STATE, SUBSCRIBE, HEALTH = "stop", "estop", "release", "state", "subscribe", "health"
 TRACE: Final = "trace"
@@ -44,6 +48,10 @@ BACKLOG: Final = 128
 NAMELESS: Final = "control socket"
 """Who asks, where a command does not say."""
 MAX_LINE_BYTES: Final = 4096
+LOOK_PERIOD_S: Final = 0.5
+"""Seconds between two looks whether the file is still there."""
+MOST_LISTENERS: Final = 3
+"""Sockets at files of which all but the last were deleted."""
 REST_S: Final = 0.05
 """Seconds for which a client is not read after a question whose answer takes about a millisecond to make."""
 _COSTLY: Final = (STATE, HEALTH, TRACE)
@@ -212,30 +220,63 @@ class ControlSocket:
         self.path = path
         self._now = now
         self._clients: list[_Client] = []
-        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_CLOEXEC)
-        self._listener.setblocking(False)
         try:
             # A worker that was killed leaves its socket; the daemon ensures that no other one serves this robot.
             with contextlib.suppress(FileNotFoundError):
                 path.unlink()
+            self._listeners = [self._listen_at_file()]
+        except OSError as error:
+            raise Unavailable(error.errno or 0, f"there is none: {error.strerror or error}") from error
+        self._abstract = _listen_at_name(path)
+        self._look_at = now() + LOOK_PERIOD_S
+
+    def _listen_at_file(self) -> socket.socket:
+        """Make the file, and return a socket that listens there.  Raises OSError."""
+        listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_CLOEXEC)
+        listener.setblocking(False)
+        try:
             before = os.umask(0o117)
             try:
-                self._listener.bind(str(path))
+                listener.bind(str(self.path))
             finally:
                 os.umask(before)
-            made = path.lstat()
+            made = self.path.lstat()
             self._file = made.st_dev, made.st_ino
-            self._listener.listen(BACKLOG)
-        except OSError as error:
-            self._listener.close()
-            raise Unavailable(error.errno or 0, f"there is none: {error.strerror or error}") from error
+            listener.listen(BACKLOG)
+        except OSError:
+            listener.close()
+            raise
+        return listener
+
+    def _look_after_file(self) -> None:
+        """Make the file again if it was deleted; one that somebody else has put there stays."""
+        now = self._now()
+        if now < self._look_at:
+            return
+        self._look_at = now + LOOK_PERIOD_S
+        try:
+            self.path.lstat()
+        except FileNotFoundError:
+            with contextlib.suppress(OSError):
+                self.path.parent.mkdir(mode=0o700, exist_ok=True)
+                # Clients that have connected at the old one may still wait there.
+                self._listeners.append(self._listen_at_file())
+        except OSError:
+            return
+        while len(self._listeners) > MOST_LISTENERS:
+            self._listeners.pop(0).close()
+
+    def _all_listeners(self) -> list[socket.socket]:
+        return self._listeners if self._abstract is None else [*self._listeners, self._abstract]
 
     def descriptors(self) -> list[int]:
-        """Return the file descriptors to wait on: the listener and its clients."""
+        """Return the file descriptors to wait on: those of the listeners and their clients."""
+        self._look_after_file()
         if any(client.closed for client in self._clients):
             self._clients = [client for client in self._clients if not client.closed]
         now = self._now()
-        return [self._listener.fileno(), *(each.fileno() for each in self._clients if each.rests_until <= now)]
+        listeners = [listener.fileno() for listener in self._all_listeners()]
+        return [*listeners, *(each.fileno() for each in self._clients if each.rests_until <= now)]
 
     def poll(self, ready: list[int]) -> list[ControlCommand]:
         """Return at most one command of each descriptor in `ready`, accepting new clients; stops come first."""
@@ -243,8 +284,9 @@ class ControlSocket:
         for client in self._clients:
             if client.fileno() in ready:
                 orders += client.read_command()
-        if self._listener.fileno() in ready:
-            orders += self._accept()
+        for listener in self._all_listeners():
+            if listener.fileno() in ready:
+                orders += self._accept(listener)
         for order in orders:
             if order.verb in _COSTLY:
                 order.client.rests_until = self._now() + REST_S
@@ -285,20 +327,25 @@ class ControlSocket:
 
     def close(self) -> None:
         """Close the listener and all clients; calling it twice is allowed."""
-        if self._listener.fileno() < 0:
+        if not self._listeners:
             return
         for client in self._clients:
             client.close()
-        self._listener.close()
+        for listener in self._all_listeners():
+            listener.close()
+        self._listeners, self._abstract = [], None
         with contextlib.suppress(OSError):
             there = self.path.lstat()
             if (there.st_dev, there.st_ino) == self._file:  # else that of the next worker, or what somebody put there
                 self.path.unlink()
 
-    def _accept(self) -> list[ControlCommand]:
-        """Let a client in; most have their order with them."""
+    def _accept(self, listener: socket.socket) -> list[ControlCommand]:
+        """Let a client in; most have their order with them.  The mode of a file guards the one, this the other."""
         try:
-            connection, _ = self._listener.accept()
+            connection, _ = listener.accept()
+            if listener is self._abstract and user_at(connection) not in (0, os.getuid()):
+                connection.close()
+                return []
         except OSError:
             return []
         if len(self._clients) >= MAX_CLIENTS:
@@ -307,6 +354,19 @@ class ControlSocket:
         client = _Client(connection)
         self._clients.append(client)
         return client.read_command()
+
+
+def _listen_at_name(path: Path) -> socket.socket | None:
+    """A socket that listens at the abstract name for a path; None if the name is taken, or too long."""
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_CLOEXEC)
+    listener.setblocking(False)
+    try:
+        listener.bind(abstract_address(path))
+        listener.listen(BACKLOG)
+    except OSError:
+        listener.close()
+        return None
+    return listener
 
 
 def _is_number(value: object) -> bool:

@@ -313,8 +313,11 @@ class Engine:
         self._reports.post([Stopped(message.reason, self._authority.epoch, message.devices)])
 
     def _emergency_stop(self, who: str) -> None:
-        problem = self._authority.latch(who)
+        self._stop_again_at = self._clock.now() + _STOP_AGAIN_PERIOD_S
+        self._authority.latch(who)
         self._stop_robot(f"emergency stop by {who}")
+        # A disk may be slow, or full: the robot does not wait for it.
+        problem = self._authority.keep_latch()
         self._reports.post([Latched(self._authority.latched, who)])
         if problem:
             self._reports.post([Refused("emergency stop", "latch", problem)])
@@ -351,6 +354,7 @@ class Engine:
         return {
             "epoch": self._authority.epoch,
             "estop": self._authority.latched,
+            "unkept": self._authority.unkept,
             "link": self._link.port is not None,
             "time": self._clock.now(),
         }

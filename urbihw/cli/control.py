@@ -1,25 +1,37 @@
 """The common part of ``urbihw stop``, ``urbihw estop`` and ``urbihw release``: they ask the bus workers, not the
 interpreter.
 
-Each robot has a control socket (``urbihw.buses.control``).  A stop is urgent, so this module imports little: no kernel,
-no asyncio, none of the other commands.
+Each robot has a control socket (``urbihw.buses.control``).  A stop is urgent, and imports take longer than the request:
+so this module imports little more than ``socket``, and what is needed after the request only then.  The entry point of
+the command calls ``run_at_once``, without a parser of options; what that does not understand goes the usual way.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import socket
 import sys
 import time
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any, Final, NamedTuple
 
 from urbihw.client.latch import write_latch
-from urbihw.daemon.runtime import SERVICE_FOLDER, control_sockets
+from urbihw.control_address import abstract_address, user_at
+from urbihw.daemon.runtime import SERVICE_FOLDER, control_socket_names, service_socket_names
 from urbihw.exitcodes import EX_CONFIG, EX_UNAVAILABLE
+
+TYPE_CHECKING = False  # as ``typing`` has it, whose import a stop cannot wait for
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterable, Mapping, Sequence
+    from typing import Any, Final, Protocol
+
+    Path = str | os.PathLike[str]
+
+    class Wishes(Protocol):
+        """The options of all three commands: the socket of one robot, and who asks; None where not given."""
+
+        socket: Path | None
+        who: str | None
+
 
 ANSWER_TIMEOUT_S: Final = 1.0
 """Seconds within which all robots must answer."""
@@ -31,30 +43,56 @@ _MAX_ANSWER_BYTES: Final = 1 << 22
 _RIGHTS: Final = "use sudo, or join the group that it belongs to"
 
 
-class Answer(NamedTuple):
+class Answer:
     """The answer of a robot: its ``state``, or ``problem``, in words.
 
     ``gone``: no process listens at the socket any more.
     """
 
-    name: str
-    state: Mapping[str, Any]
-    problem: str = ""
-    gone: bool = False
+    def __init__(self, name: str, state: Mapping[str, Any], problem: str = "", gone: bool = False) -> None:
+        self.name, self.state, self.problem, self.gone = name, state, problem, gone
+
+
+class Given:
+    """The options that ``run_at_once`` has understood."""
+
+    socket: Path | None = None
+    who: str | None = None
 
 
 def options(parser: argparse.ArgumentParser) -> None:
     """The options of all three commands."""
+    from pathlib import Path
+
     parser.add_argument("--socket", type=Path, metavar="PATH", help="control socket of the robot (default: all found)")
     parser.add_argument("--who", metavar="TEXT", help="name of the requester, for the log (default: user and terminal)")
 
 
-def run(verb: str, options: argparse.Namespace) -> int:
+def run_at_once(words: Sequence[str]) -> int | None:
+    """Run a command line of one of the three commands if it is a plain one; None for one that needs a parser."""
+    given = _given(words[1:])
+    return None if given is None else run(words[0], given)
+
+
+def _given(words: Iterable[str]) -> Given | None:
+    given = Given()
+    rest = iter(words)
+    for word in rest:
+        name, equals, value = word.partition("=")
+        value = value if equals else next(rest, "")
+        if name not in ("--socket", "--who") or not value or value.startswith("-"):
+            return None
+        setattr(given, name.removeprefix("--"), value)
+    return given
+
+
+def run(verb: str, options: Wishes) -> int:
     """Run a command; returns the exit code."""
+    paths: Sequence[Path]
     try:
-        paths = [options.socket] if options.socket is not None else control_sockets()
+        paths = [options.socket] if options.socket is not None else control_socket_names()
     except ValueError as error:  # BadConfig; its module takes longer to import than all of this.
-        paths = sorted(SERVICE_FOLDER.glob("*.sock"))
+        paths = service_socket_names()
         if not paths:
             return complain(str(error), EX_CONFIG)
     if verb == "release" and len(paths) > 1:
@@ -84,6 +122,8 @@ def outcome(verb: str, state: Mapping[str, Any]) -> str:
     words = OUTCOMES[verb]
     if verb == "stop" and state.get("estop"):
         words += f"; an emergency stop holds ({state['estop']}) until: urbihw release"
+    if verb == "estop" and state.get("unkept"):
+        words += f"; {state['unkept']}"
     if verb != "release" and state.get("link") is False:
         words += "; its link is down: it will be stopped as soon as the link is back"
     return words
@@ -91,7 +131,7 @@ def outcome(verb: str, state: Mapping[str, Any]) -> str:
 
 def no_daemon_problem(verb: str) -> str:
     """The message for the case that no daemon answers."""
-    if SERVICE_FOLDER.is_dir() and not os.access(SERVICE_FOLDER, os.R_OK | os.X_OK):
+    if os.path.isdir(SERVICE_FOLDER) and not os.access(SERVICE_FOLDER, os.R_OK | os.X_OK):
         return f"{SERVICE_FOLDER} may not be read: {_RIGHTS}"
     if verb == "health":
         return "no daemon answers: start it (urbihw serve)"
@@ -122,7 +162,7 @@ def requester_name(verb: str) -> str:
 def ask(paths: Sequence[Path], verb: str, who: str) -> list[Answer]:
     """Send the command to all robots, then wait for the answers: a robot that hangs does not delay the others."""
     end = time.monotonic() + ANSWER_TIMEOUT_S
-    line = json.dumps({"do": verb, "who": who[:_MAX_NAME_LENGTH]}).encode() + b"\n"
+    line = f'{{"do": "{verb}", "who": "{_quotable(who)}"}}\n'.encode()
     calls = [_Query(path, line) for path in paths]
     answers = [call.answer(end) for call in calls]
     if verb == "estop":
@@ -130,34 +170,61 @@ def ask(paths: Sequence[Path], verb: str, who: str) -> list[Answer]:
     return answers
 
 
+def _quotable(text: str) -> str:
+    """A text that may stand in quotes in JSON: its first characters, on one line."""
+    line = "".join(each if each.isprintable() else " " for each in text[:_MAX_NAME_LENGTH])
+    return line.replace("\\", "\\\\").replace('"', '\\"')
+
+
 def _latch_replacement(path: Path, answer: Answer, who: str) -> Answer:
     """Set the latch of an emergency stop in its file: the worker that replaces a hanging one reads it first."""
-    if not answer.problem or answer.gone:
+    if not answer.problem or answer.gone or not write_latch(path, who):
         return answer
-    if not write_latch(path, who):
-        return answer
-    return answer._replace(problem=f"{answer.problem}; whatever serves it next will hold it until: urbihw release")
+    hint = "whatever serves it next will hold it until: urbihw release"
+    return Answer(answer.name, answer.state, f"{answer.problem}; {hint}")
 
 
 class _Query:
     """A command to one robot."""
 
     def __init__(self, path: Path, line: bytes) -> None:
-        self._path = path
+        self._path = os.fspath(path)
         self._error: OSError | None = None
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self._socket.settimeout(ANSWER_TIMEOUT_S)
         try:
-            self._connect(str(path))
-            self._socket.sendall(line)
+            try:
+                self._call(self._path, line)
+            except (FileNotFoundError, ConnectionRefusedError) as error:
+                # The file may have been deleted under a worker that lives.
+                self._call_abstract(line, error)
         except OSError as error:
             self._error = error
 
-    def _connect(self, path: str) -> None:
+    def _call(self, address: str | bytes, line: bytes) -> None:
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._socket.settimeout(ANSWER_TIMEOUT_S)
+        self._connect(address)
+        if isinstance(address, bytes):
+            self._check_owner()
+        self._socket.sendall(line)
+
+    def _call_abstract(self, line: bytes, missing: OSError) -> None:
+        self._socket.close()
+        try:
+            self._call(abstract_address(self._path), line)
+        except OSError:
+            raise missing from None
+
+    def _check_owner(self) -> None:
+        """Raise PermissionError for a listener of a user who has no control sockets here: anybody can take the name."""
+        folder = os.path.dirname(os.path.abspath(self._path))
+        if user_at(self._socket) not in (0, os.getuid(), os.stat(folder).st_uid):
+            raise PermissionError
+
+    def _connect(self, address: str | bytes) -> None:
         end = time.monotonic() + ANSWER_TIMEOUT_S
         while True:
             try:
-                return self._socket.connect(path)
+                return self._socket.connect(address)
             except BlockingIOError:  # The queue of the UNIX socket is full, and there is no event for its end.
                 if time.monotonic() > end:
                     raise
@@ -165,16 +232,20 @@ class _Query:
 
     def answer(self, end: float) -> Answer:
         """Wait for the answer until the time ``end``."""
+        name = _name_of(self._path)
         with self._socket:
             try:
                 if self._error is not None:
                     raise self._error
-                state = json.loads(self._line(end))
+                line = self._line(end)
+                import json  # not before: the stop is on its way, and this takes longer
+
+                state = json.loads(line)
             except (OSError, ValueError, RecursionError) as error:
                 return self._failed(error)
         if isinstance(state, dict) and state.get("ok"):
-            return Answer(self._path.stem, state)
-        return Answer(self._path.stem, {}, f"it did not understand: {state}")
+            return Answer(name, state)
+        return Answer(name, {}, f"it did not understand: {state}")
 
     def _line(self, end: float) -> bytes:
         heard: list[bytes] = []
@@ -194,7 +265,7 @@ class _Query:
         return b"".join(heard).partition(b"\n")[0]
 
     def _failed(self, error: OSError | ValueError | RecursionError) -> Answer:
-        name, path = self._path.stem, self._path
+        name, path = _name_of(self._path), self._path
         if isinstance(error, FileNotFoundError | ConnectionRefusedError):
             hint = "if that robot moves, cut its power; if not, remove that file"
             return Answer(name, {}, f"nobody listens at {path} any more: {hint}", True)
@@ -211,12 +282,18 @@ class _Query:
 
 
 def _listens(path: Path) -> bool:
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
-        probe.settimeout(ANSWER_TIMEOUT_S)
-        try:
-            probe.connect(str(path))
-        except (FileNotFoundError, ConnectionRefusedError):
-            return False
-        except OSError:
-            return True
-    return True
+    for address in (os.fspath(path), abstract_address(path)):
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+            probe.settimeout(ANSWER_TIMEOUT_S)
+            try:
+                probe.connect(address)
+            except (FileNotFoundError, ConnectionRefusedError):
+                continue
+            except OSError:
+                return True
+        return True
+    return False
+
+
+def _name_of(path: str) -> str:
+    return os.path.splitext(os.path.basename(path))[0]

@@ -90,8 +90,8 @@ def sockets(config: Config) -> list[Path]:
     try:
         path = control_path(config.platform, config.port)
     except BadConfig:
-        return [SERVICE_FOLDER / f"{config.platform}-{config.port}.sock"]
-    return list(dict.fromkeys((path, SERVICE_FOLDER / path.name)))
+        return [Path(SERVICE_FOLDER) / f"{config.platform}-{config.port}.sock"]
+    return list(dict.fromkeys((path, Path(SERVICE_FOLDER) / path.name)))
 
 
 def stopped(config: Config) -> str:

@@ -8,17 +8,15 @@ where that is no orderly end, 141 when the reader of a pipe has closed it.
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
 from typing import Any, Final, NoReturn
 
+from urbihw.cli.entry import guarded
 from urbihw.cli.options import VersionAction
-from urbihw.exitcodes import EX_CONFIG, INTERRUPTED
+from urbihw.exitcodes import EX_CONFIG
 
-PIPE_CLOSED: Final = 141
-"""Exit code after the reader of standard output has gone: 128 + SIGPIPE, as shells have it."""
 COMMANDS: Final = {
     "serve": "serve a robot on a TCP port",
     "stop": "stop the robot now",
@@ -85,18 +83,13 @@ def _module(command: str) -> Any:
 def main(argv: Sequence[str] | None = None) -> int:
     """The command; returns the exit code."""
     words = sys.argv[1:] if argv is None else argv
-    try:
+
+    def work() -> int:
         options = parser(next((word for word in words if not word.startswith("-")), "")).parse_args(words)
         code: int = _module(options.command).run(options)
-        sys.stdout.flush()
-    except KeyboardInterrupt:  # while modules are imported, or before a command has its own handler
-        return INTERRUPTED
-    except BrokenPipeError:  # the reader of a pipe, such as head, has enough
-        with open(os.devnull, "w") as nowhere:
-            # What is still in the buffer must not fail when Python ends.
-            os.dup2(nowhere.fileno(), sys.stdout.fileno())
-        return PIPE_CLOSED
-    return code
+        return code
+
+    return guarded(work) or 0
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ from typing import Any, Final, NamedTuple
 from urbihw.buses.verdict import Level, Reason, device_name, judge, level_of, number_in, table_in
 from urbihw.cli import control
 from urbihw.cli.reach import accepts
-from urbihw.daemon.runtime import SERVICE_FOLDER, control_sockets
+from urbihw.daemon.runtime import control_sockets, service_socket_names
 from urbihw.exitcodes import EX_CONFIG, EX_UNAVAILABLE
 from urbihw.settings import escape_unprintable
 
@@ -60,14 +60,14 @@ def _replaced(path: Path, answer: control.Answer) -> control.Answer:
     client_socket = path.with_name(f"urbi-{path.stem.rpartition('-')[2]}.socket")
     if not client_socket.exists() or not accepts(client_socket):
         return answer
-    return answer._replace(problem="its bus worker has ended; the daemon is there and starts another one", gone=False)
+    return control.Answer(answer.name, {}, "its bus worker has ended; the daemon is there and starts another one")
 
 
 def _sockets() -> list[Path]:
     try:
         return control_sockets()
     except ValueError:  # BadConfig, for the folder of the user
-        found = sorted(SERVICE_FOLDER.glob("*.sock"))
+        found = [Path(name) for name in service_socket_names()]
         if not found:
             raise
         return found

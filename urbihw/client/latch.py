@@ -1,17 +1,18 @@
 """The latch of an emergency stop in a file beside the control socket: the worker that replaces a hanging one reads it.
 
-It imports nothing of asyncio: ``urbihw estop`` must be quick.
+``urbihw estop`` must be quick, so this imports nothing but ``os``.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
+import os
 
 
-def write_latch(control: Path, who: str) -> bool:
+def write_latch(control: str | os.PathLike[str], who: str) -> bool:
     """Set the latch of the robot with this control socket; returns whether that was possible."""
     try:
-        control.with_suffix(".estop").write_text(f"{who}\n", "utf-8")
+        with open(os.path.splitext(control)[0] + ".estop", "w", encoding="utf-8") as file:
+            file.write(f"{who}\n")
     except OSError:
         return False
     return True

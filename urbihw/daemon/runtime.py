@@ -1,18 +1,29 @@
-"""The runtime folder of the daemon: the sockets for its clients and of its bus workers."""
+"""The runtime folder of the daemon: the sockets for its clients and of its bus workers.
+
+A bus worker listens at the file of its control socket, and at an abstract socket named after that file: a stop reaches
+it even if the file was deleted.  ``urbihw estop`` needs this module quickly, and imports take most of its time: so
+modules that import slowly, also ``typing`` and ``pathlib``, are imported where they are used.
+"""
 
 from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Mapping
-from pathlib import Path
-from typing import TYPE_CHECKING, Final
 
+from urbihw.control_address import PREFIX
+
+TYPE_CHECKING = False  # as ``typing`` has it: type checkers know the name
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+    from typing import Final
+
     from urbihw.kernel.uobject import BadConfig
 
-SERVICE_FOLDER: Final = Path("/run/urbihw")
+SERVICE_FOLDER: Final = "/run/urbihw"
 """The RuntimeDirectory of the unit in urbihw/share."""
+BOUND_SOCKETS: Final = "/proc/net/unix"
+"""The bound UNIX sockets of the system; the last of eight fields is the path, or "@" and an abstract name."""
 
 
 def runtime_folder(environment: Mapping[str, str] = os.environ) -> Path:
@@ -22,13 +33,19 @@ def runtime_folder(environment: Mapping[str, str] = os.environ) -> Path:
     a system without it a private one in the folder for temporary files.  Raises BadConfig if other users can write
     there.
     """
+    from pathlib import Path
+
+    return Path(_runtime_folder_name(environment))
+
+
+def _runtime_folder_name(environment: Mapping[str, str]) -> str:
     if environment.get("RUNTIME_DIRECTORY"):
-        return Path(environment["RUNTIME_DIRECTORY"].split(":")[0])
+        return environment["RUNTIME_DIRECTORY"].split(":")[0]
     home = environment.get("XDG_RUNTIME_DIR")
-    folder = Path(home) / "urbihw" if home else _temporary() / f"urbihw-{os.getuid()}"
+    folder = os.path.join(home, "urbihw") if home else os.path.join(_temporary_folder(), f"urbihw-{os.getuid()}")
     try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        about = folder.lstat()
+        os.makedirs(folder, 0o700, exist_ok=True)
+        about = os.lstat(folder)
     except OSError as error:
         raise _bad(f"no folder for sockets: {folder}: {error.strerror}; set control and socket") from error
     if not stat.S_ISDIR(about.st_mode) or about.st_uid != os.getuid() or about.st_mode & 0o022:
@@ -42,9 +59,44 @@ def control_path(platform: str, port: int, environment: Mapping[str, str] = os.e
 
 
 def control_sockets(environment: Mapping[str, str] = os.environ) -> list[Path]:
-    """The paths of all control sockets that this user can find, those of the service last."""
-    folders = [runtime_folder(environment), SERVICE_FOLDER]
-    return [path for folder in dict.fromkeys(folders) for path in sorted(folder.glob("*.sock"))]
+    """The paths of all control sockets that this user can find, those of the service last.  Raises BadConfig."""
+    from pathlib import Path
+
+    return [Path(name) for name in control_socket_names(environment)]
+
+
+def control_socket_names(environment: Mapping[str, str] = os.environ) -> list[str]:
+    """The same as texts, without the cost of ``pathlib``; also those whose file was deleted.  Raises BadConfig."""
+    return _names_in(_runtime_folder_name(environment), os.fspath(SERVICE_FOLDER))
+
+
+def service_socket_names() -> list[str]:
+    """Those of the service alone."""
+    return _names_in(os.fspath(SERVICE_FOLDER))
+
+
+def _names_in(*folders: str) -> list[str]:
+    names: dict[str, None] = {}
+    unlisted = _abstract_names()
+    for folder in dict.fromkeys(folders):
+        try:
+            found = {os.path.join(folder, name) for name in os.listdir(folder) if name.endswith(".sock")}
+        except OSError:
+            found = set()
+        found |= {name for name in unlisted if os.path.dirname(name) == os.path.abspath(folder)}
+        names |= dict.fromkeys(sorted(found))
+    return list(names)
+
+
+def _abstract_names() -> list[str]:
+    """The paths after which workers have named their abstract sockets."""
+    try:
+        with open(BOUND_SOCKETS, encoding="utf-8", errors="surrogateescape") as file:
+            rows = [line.rstrip("\n").split(None, 7) for line in file]
+    except OSError:
+        return []
+    mark = f"@{PREFIX}"
+    return [row[7].removeprefix(mark) for row in rows if len(row) == 8 and row[7].startswith(mark)]
 
 
 def client_path(port: int, environment: Mapping[str, str] = os.environ) -> Path:
@@ -57,17 +109,16 @@ def client_sockets(port: int, environment: Mapping[str, str] = os.environ) -> li
 
     Raises BadConfig.
     """
-    folders = [runtime_folder(environment), SERVICE_FOLDER]
+    from pathlib import Path
+
+    folders = [runtime_folder(environment), Path(SERVICE_FOLDER)]
     return [path for folder in dict.fromkeys(folders) for path in folder.glob(f"urbi-{port}.socket")]
 
 
-# ``urbihw estop`` needs this module quickly: modules that import slowly are imported on use.
-
-
-def _temporary() -> Path:
+def _temporary_folder() -> str:
     import tempfile
 
-    return Path(tempfile.gettempdir())
+    return tempfile.gettempdir()
 
 
 def _bad(text: str) -> BadConfig:
