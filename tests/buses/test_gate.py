@@ -1,15 +1,33 @@
-"""The limits of the moment hold for everything that the gate itself writes, judged at the registers of a servo."""
+"""Limits, thresholds and stops between a master and a servo, judged at the servo: its registers and its body."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Iterator
 
 import pytest
 
 from urbihw.buses import messages as m
+from urbihw.buses.authority import MotionAuthority
 
 from .conftest import Rig
-from .test_worker import Bench
+from .test_worker import Bench, of
 
 ITEM = (6, "torque_limit")
+GOAL = (6, "goal_position")
+
+
+@pytest.fixture
+def bench(rig: Rig) -> Iterator[Bench]:
+    """A worker that has found its servos and reads the position of one."""
+    made = Bench(rig, m.Configure(dead_man=0))
+    made.tell(m.Watch(6, ("present_position", "present_temperature"), 0.0))
+    made.run(0.8)
+    yield made
+    made.close()
+
+
+def place(bench: Bench) -> float:
+    return bench.rig.kit.servo(6).position
 
 
 def hot(restored: int) -> m.Threshold:
@@ -32,3 +50,106 @@ def test_what_a_removed_threshold_had_changed_is_restored_within_the_new_limits(
     bench.run(0.3)
     assert registers.get("torque_limit") == becomes
     bench.close()
+
+
+def test_a_stop_ends_a_slow_movement_which_the_worker_itself_leads(bench: Bench) -> None:
+    bench.tell(m.Limits({GOAL: m.Limit(0, 1023, 100.0, "limits")}), m.Targets({GOAL: 900}))
+    bench.run(1.0)
+    assert 560 < place(bench) < 640
+    bench.tell(m.Stop(1))
+    bench.run(0.3)
+    stood = place(bench)
+    bench.run(2.0)
+    assert place(bench) == pytest.approx(stood, abs=2)
+
+
+def test_a_stop_of_another_device_leaves_a_slow_movement(bench: Bench) -> None:
+    bench.tell(m.Limits({GOAL: m.Limit(0, 1023, 100.0, "limits")}), m.Targets({GOAL: 900}))
+    bench.run(1.0)
+    bench.tell(m.Stop(0, "a test", (7,)))
+    bench.run(5.0)
+    assert place(bench) == pytest.approx(900, abs=2)
+
+
+def test_a_request_that_a_stop_overtakes_within_a_tick_is_refused(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driver = bench.engine._driver
+    tick = driver.tick
+
+    def tick_with_a_stop(
+        now: float, meanwhile: Callable[[], None], urgent: Callable[[], bool] = lambda: False
+    ) -> list[m.FromWorker]:
+        bench.tell(m.Stop(1))
+        monkeypatch.undo()
+        assert urgent()
+        return tick(now, meanwhile, urgent)
+
+    stood = place(bench)
+    bench.tell(m.Request(1, "write", *GOAL, 900))
+    monkeypatch.setattr(driver, "tick", tick_with_a_stop)
+    heard = bench.run(1.0)
+    assert [reply.ok for reply in of(m.Reply, heard)] == [False]
+    assert place(bench) == pytest.approx(stood, abs=1)
+
+
+@pytest.mark.parametrize("verb", ("write", "write_all"))
+def test_a_request_is_clamped_as_a_target(bench: Bench, verb: str) -> None:
+    bench.tell(m.Limits({GOAL: m.Limit(400, 600)}))
+    written = m.Request(1, "write", *GOAL, 900)
+    if verb == "write_all":
+        written = m.Request(1, "write_all", 6, value=((GOAL[1], 900),))
+    bench.tell(written)
+    heard = bench.run(2.0)
+    assert [reply.ok for reply in of(m.Reply, heard)] == [True]
+    assert place(bench) == pytest.approx(600, abs=2)
+
+
+def holding(level: float, hysteresis: float = 0.0) -> m.Threshold:
+    return m.Threshold(6, "present_temperature", level, "limits.motor6.temperature", hysteresis=hysteresis, holds=True)
+
+
+def test_a_device_that_is_too_hot_stops_and_stays_until_it_is_colder_by_the_hysteresis(bench: Bench) -> None:
+    servo = bench.rig.kit.servo(6)
+    servo.heat(40.0)
+    bench.tell(m.Limits({GOAL: m.Limit(0, 1023, 100.0, "limits")}, (holding(60.0, 5.0),)), m.Targets({GOAL: 900}))
+    bench.run(1.0)
+    assert place(bench) > 560
+    servo.heat(61.0)
+    bench.run(0.2)
+    stood = place(bench)
+    heard = bench.run(1.0)
+    assert place(bench) == pytest.approx(stood, abs=2)
+    servo.heat(57.0)
+    bench.run(0.2)
+    bench.tell(m.Targets({GOAL: 900}), m.Request(1, "write", *GOAL, 900))
+    heard = bench.run(1.0)
+    assert [refused.item for refused in of(m.Refused, heard)] == [GOAL[1]]
+    assert [reply.ok for reply in of(m.Reply, heard)] == [False]
+    assert place(bench) == pytest.approx(stood, abs=2)
+    servo.heat(54.0)
+    bench.run(0.2)
+    bench.tell(m.Targets({GOAL: 900}))
+    bench.run(1.0)
+    assert place(bench) > stood + 50
+
+
+def test_an_emergency_stop_stops_again_what_another_master_moves(bench: Bench) -> None:
+    for item in ("cw_limit", "ccw_limit"):
+        bench.rig.kit.servo(6).registers.put(item, 0)
+    bench.tell(m.Request(1, "scan"))
+    bench.run(1.0)
+    bench.tell(m.EmergencyStop("a test"))
+    bench.run(0.5)
+    bench.rig.kit.servo(6).registers.put("moving_speed", 500)
+    bench.run(0.5)
+    assert bench.rig.kit.servo(6).registers.get("moving_speed") == 0
+
+
+def test_the_epoch_never_goes_back() -> None:
+    authority = MotionAuthority(5)
+    authority.advance(3)
+    assert authority.epoch == 5
+    assert authority.refusal(4) and not authority.refusal(5)
+    authority.advance()
+    assert authority.epoch == 6 and authority.refusal(5)

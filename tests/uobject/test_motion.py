@@ -108,10 +108,11 @@ def refusals(rig: Rig, device: Hashable, lobby: Lobby, meanwhile: Callable[[], N
         scheduler.start_now(scheduler.spawn(write, parent=scheduler.running()))
 
     scheduler.spawn(statement, context=lobby)
-    scheduler.run_simulated(0.5)
+    now = rig.kernel.clock.now()
+    scheduler.run_simulated(now + 0.5)
     assert said == []
     meanwhile()
-    scheduler.run_simulated(2.0)
+    scheduler.run_simulated(now + 2.0)
     return said
 
 
@@ -121,9 +122,7 @@ def test_a_statement_that_began_before_a_stop_moves_nothing_nor_do_its_children(
     assert len(said) == 2
     assert all(each.endswith("toy was stopped after this statement had begun: a test") for each in said)
     # The answer of the worker to the same stop is no second one.
-    origin = rig.write(rig.first)
-    rig.motion.advance("a test", 5)
-    assert rig.motion.is_live(origin, 6)
+    assert refusals(rig, 6, rig.first, lambda: rig.motion.advance("a test", 5)) == []
 
 
 def test_a_statement_that_began_before_a_release_moves_nothing() -> None:

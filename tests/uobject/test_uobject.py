@@ -144,6 +144,23 @@ def test_age_is_that_of_the_last_reading(bench: Bench) -> None:
     assert bench.lamp.warmth.age() == pytest.approx(3.0)
     bench.lamp.warmth.dated = lambda: 2.5
     assert bench.lamp.warmth.age() == pytest.approx(0.5)
+    bench.lamp.warmth.dated = None
+    bench.lamp.warmth.sense(22.0, 1.0)
+    assert bench.lamp.warmth.age() == pytest.approx(2.0)
+
+
+def test_who_hears_of_an_owned_variable_gets_its_sensed_value(bench: Bench) -> None:
+    heard: list[float] = []
+
+    def hear(value: float) -> None:
+        heard.append(value)
+
+    bench.lamp.val.notify_change(hear)
+    bench.say("lamp.val = 5|;")
+    heard.clear()
+    bench.lamp.val.sense(4.0)
+    bench.say("1;")
+    assert heard == [4.0]
 
 
 def test_a_library_says_where_it_is_wrong(bench: Bench) -> None:
