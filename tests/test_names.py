@@ -1,4 +1,4 @@
-"""What the names of classes must be like."""
+"""What the names of classes, and the sentences about them, must be like."""
 
 from __future__ import annotations
 
@@ -15,6 +15,18 @@ ALLOWED: Final[frozenset[str]] = frozenset()
 """Names that two classes must share, each with the outside contract that wants it.  There is none."""
 
 
+PROSE: Final = ("urbihw/**/*.py", "fakes/**/*.py", "docs/*.md", "docs/news/*", "*.md", "urbihw/platforms/*/README.md")
+WORDS: Final = ("Of ", "of before", "of now", "none", "told", "hoever", "obody")
+"""One of them is in each line that ``ACCENT`` matches: to look for them first is quicker by far."""
+ACCENT: Final = re.compile(
+    r"(?:^|[.:;!?]\s+|\"\"\"|#\s|^\s*[-*]\s)Of (?!course\b)|\bof (?:before|now)\b"
+    r"|(?<!there )\b(?:is|are|was|were)\s+none\b"
+    r"|\b(?:is|are)\s+told\b(?!\s+to\b)|\b[Ww]hoever\b|\b[Nn]obody\b",
+    re.MULTILINE,
+)
+"""Sentences without a subject, and words that stand for one.  "there is none" and "is told to stop" are clear."""
+
+
 def test_each_class_of_urbihw_has_a_name_of_its_own() -> None:
     """A traceback or a log shows the class alone: it must tell the place.  ``NxtFramer`` does, ``Framer`` does not."""
     places = defaultdict(list)
@@ -24,3 +36,26 @@ def test_each_class_of_urbihw_has_a_name_of_its_own() -> None:
     assert len(places) > 900
     twins = [f"{name}: {', '.join(found)}" for name, found in places.items() if len(found) > 1 and name not in ALLOWED]
     assert not twins, "classes of the same name; put the package or the device in front:\n" + "\n".join(twins)
+
+
+def test_sentences_say_what_a_thing_is() -> None:
+    """Docstrings, comments, messages and pages have a noun and a verb: "Largest memory of a model, in MiB."."""
+    found = []
+    for path in sorted(path for pattern in PROSE for path in ROOT.glob(pattern)):
+        end = ""
+        for number, line in enumerate(path.read_text("utf-8").splitlines(), 1):
+            if any(word in line for word in WORDS) and ACCENT.search(f"{end}\n{line}"):
+                found.append(f"{path.relative_to(ROOT)}:{number}: {line.strip()}")
+            end = line[-4:]  # a phrase may begin there
+    assert not found, "say what the thing is, with a noun and a verb:\n" + "\n".join(found)
+
+
+def test_methods_inherit_their_docstrings() -> None:
+    """A method that overrides another one has its docstring already: no "See ``Base``."."""
+    empty = re.compile(r'^ *"""(?:See|As in|As) `{1,2}[\w.]+`{1,2}\.?"""$', re.MULTILINE)
+    found = [
+        str(path.relative_to(ROOT))
+        for folder in ("urbihw", "fakes") for path in sorted((ROOT / folder).rglob("*.py"))
+        if empty.search(path.read_text("utf-8"))
+    ]  # fmt: skip
+    assert not found, "remove these docstrings:\n" + "\n".join(found)

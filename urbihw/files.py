@@ -27,8 +27,8 @@ class Content(NamedTuple):
 def read_regular(file: Path, longest: int) -> Content:
     """Read a regular file of at most ``longest`` bytes.
 
-    Raises BadFile if it cannot be read, is something else than a regular file, or is longer; FileNotFoundError if there
-    is none.
+    Raises BadFile if it cannot be read, is something else than a regular file, or is longer; FileNotFoundError if it
+    does not exist.
     """
     try:
         # To open a file can have effects: a serial port resets the board behind it, a FIFO lets its writer go on.

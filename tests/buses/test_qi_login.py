@@ -172,7 +172,7 @@ def test_a_token_that_is_none_is_refused(tmp_path: Path, token: str) -> None:
     file = tmp_path / "token"
     first = {AUTH_STATE: AUTH_CONTINUE, NEW_TOKEN: token}
     text = Stranger(door([first], [])).refuse(Login("nao", token_file=str(file)))
-    assert "hands out a token that is none: 1 to 256 printable characters" in text and text.isprintable()
+    assert "hands out an invalid token: 1 to 256 printable characters" in text and text.isprintable()
     assert list(tmp_path.iterdir()) == []
     file.write_text(token)
     text = Stranger(door([{AUTH_STATE: AUTH_DONE}], [])).refuse(Login("nao", token_file=str(file)))

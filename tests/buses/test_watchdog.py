@@ -183,7 +183,7 @@ def test_a_master_that_slept_too_long_says_so_and_starts_from_a_stop(bench: Benc
     silence(bench.rig, 0.7)
     heard = bench.run(0.5)
     (stopped,) = of(m.Stopped, heard)
-    assert stopped.reason == "servo 2 stopped by itself: nobody spoke to it for 0.5 s"
+    assert stopped.reason == "servo 2 stopped by itself: it got no packet for 0.5 s"
     assert not turns(bench.rig)
     assert armed(bench.rig) == 0
     bench.run(2.0)

@@ -274,7 +274,7 @@ def test_one_that_is_gone_is_told_beside_those_that_stop(add: Add, folder: Path,
     assert main(("stop",)) == 0
     out, err = capsys.readouterr()
     assert out == "bioloid-1: stopped\n"
-    assert err.startswith("urbihw: nxt-2: nobody listens")
+    assert err.startswith("urbihw: nxt-2: no server listens")
 
 
 def test_a_release_is_for_one_robot(add: Add, folder: Path, capsys: Capture) -> None:

@@ -117,7 +117,7 @@ def test_an_empty_machine_is_no_traceback(tmp_path: Path) -> None:
     assert all(each.verdict != "bad" for each in machine.check_machine(tmp_path, silent))
 
 
-# ---------------------------------------------------------------- a bus that nobody serves
+# ---------------------------------------------------------------- a bus that no daemon serves
 
 
 @pytest.fixture

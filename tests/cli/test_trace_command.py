@@ -127,7 +127,7 @@ def test_a_damaged_head_is_one_line(head: str, tmp_path: Path, capsys: Capture) 
     ("words", "code", "told"),
     [
         (("/dev/ttyUSB9",), 69, "/dev/ttyUSB9"),
-        (("spykee://10.0.0.1", "--platform", "spykee"), 78, "nobody serves spykee://10.0.0.1"),
+        (("spykee://10.0.0.1", "--platform", "spykee"), 78, "no daemon serves spykee://10.0.0.1"),
         (("--socket", "/nowhere.sock"), 69, "is the daemon running?"),
         ((), 69, "no daemon answers"),
         (("/nowhere/wire.txt",), 66, "no such file or port: /nowhere/wire.txt"),

@@ -72,11 +72,11 @@ def test_a_program_that_says_nothing(serve: Serve) -> None:
 
 def test_a_socket_that_a_killed_daemon_left(tmp_path: Path) -> None:
     path = tmp_path / "urbi-54000.socket"
-    assert refusal(Where(str(path), 54000)) == f"nobody listens at {path}; start the server: urbihw serve"
+    assert refusal(Where(str(path), 54000)) == f"no server listens at {path}; start the server: urbihw serve"
     with socket.socket(socket.AF_UNIX) as left:
         left.bind(str(path))
         left.listen()
-    told = f"nobody listens at {path} any more, and the file may go; start the server: urbihw serve"
+    told = f"no server listens at {path} any more, and the file may go; start the server: urbihw serve"
     assert refusal(Where(str(path), 54000)) == told
 
 

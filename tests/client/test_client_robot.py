@@ -381,7 +381,7 @@ def test_reasons_why_there_is_no_connection(lan: Lan, tmp_path: Path, monkeypatc
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "home"))
     with pytest.raises(CannotConnect, match="cannot connect to 127.0.0.1:1"):
         urbihw.connect("127.0.0.1:1")
-    with pytest.raises(CannotConnect, match="^nobody listens at .*none.socket; start the server: urbihw serve$"):
+    with pytest.raises(CannotConnect, match="^no server listens at .*none.socket; start the server: urbihw serve$"):
         urbihw.connect(str(tmp_path / "none.socket"))
     with pytest.raises(AccessDenied, match=r"not known yet;.*: trust=True trusts it"):
         urbihw.connect("127.0.0.1", lan.port, tls=True)

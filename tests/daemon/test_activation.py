@@ -83,5 +83,5 @@ def test_the_address_of_the_passed_port_decides_who_needs_a_token(
     async def serve() -> int:
         return await DaemonService(Config(platform="p3dx", port=listening.getsockname()[1])).run()
 
-    with pytest.raises(StartError, match="nobody has a token yet"):
+    with pytest.raises(StartError, match="there is no token yet"):
         asyncio.run(serve())

@@ -52,7 +52,7 @@ def test_an_address_that_others_reach_wants_tokens_and_a_certificate(
 ) -> None:
     monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
     open_to_all = Config(platform="bioloid", url="/dev/null", host="0.0.0.0", port=0)
-    assert "nobody has a token yet: urbihw access add NAME" in refusal(open_to_all)
+    assert "there is no token yet: urbihw access add NAME" in refusal(open_to_all)
     assert list((tmp_path / "access").iterdir()) == []
     Tokens(state_folder()).add("alice")
     assert refusal(dataclasses.replace(open_to_all, tls_cert="/none.pem")).startswith("/none.pem: cannot be read")

@@ -98,12 +98,12 @@ def test_a_robot_for_the_network_without_any_token_does_not_start(robot: Robot) 
                        cwd=robot.folder, **robot.environment)
     assert code == 78
     (line,) = err.splitlines()
-    assert "nobody has a token yet: urbihw access add NAME" in line and "allow_plain = true" in line
+    assert "there is no token yet: urbihw access add NAME" in line and "allow_plain = true" in line
 
 
 def test_allow_plain_lets_everybody_in_and_says_so_at_each_start(robot: Robot) -> None:
     robot.serve("allow_plain = true\n")
-    assert "allow_plain: whoever reaches 0.0.0.0 moves the robot and runs programs" in robot.log()
+    assert "allow_plain: every computer that reaches 0.0.0.0 moves the robot and runs programs" in robot.log()
     code, out, _ = robot.console(f"127.0.0.1:{robot.port}")
     assert code == 0 and out.endswith("] 21\n")
 

@@ -188,7 +188,7 @@ def test_tokens_and_a_certificate_that_are_spoilt_are_a_line_each(serve: Serve, 
             os.mkfifo(tokens, 0o600)
         settings, line = daemon.reload(2)
         assert settings == "urbihw: settings read again"
-        assert line.startswith(f"urbihw: nobody else is let in by a token until this is mended: {tokens}: ")
+        assert line.startswith(f"urbihw: no token is accepted until this is mended: {tokens}: ")
     certificate.write_text("garbage\n")
     _, _, line = daemon.reload(3)
     assert line.startswith(f"urbihw: the certificate stays as it was: tls_cert {certificate} and ")

@@ -57,7 +57,7 @@ class HandWorker:
         """
         if len(self._backlog) >= MOST_UNREAD:
             if isinstance(message, m.Targets):
-                raise LinkGone("the worker does not read what it is told")
+                raise LinkGone("the worker does not read its messages")
             if isinstance(message, m.Heartbeat):
                 return
         self.sent.append(message)

@@ -246,4 +246,4 @@ def test_raw_torque_does_not_send_a_limp_joint_to_an_old_goal(servo: str) -> Non
 
 def test_a_place_without_a_name_is_not_written_under_a_limit() -> None:
     lab = chain("AX-12:1")
-    assert "nobody knows what @45:1 moves" in lab.say('motor1.writeRegister("@45:1", 1);', 0.3)
+    assert "what @45:1 moves is unknown" in lab.say('motor1.writeRegister("@45:1", 1);', 0.3)

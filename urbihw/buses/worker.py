@@ -186,7 +186,7 @@ class Worker:
             except OSError as error:
                 raise LinkGone(f"the bus worker of {self._url} has ended; start another one") from error
         if full:
-            raise WorkerBusy(f"the bus worker of {self._url} does not read what it is told")
+            raise WorkerBusy(f"the bus worker of {self._url} does not read its messages")
         raise LinkGone(f"the bus worker of {self._url} has ended; start another one")
 
     def _is_writable(self) -> bool:

@@ -268,7 +268,7 @@ class _Query:
         name, path = _name_of(self._path), self._path
         if isinstance(error, FileNotFoundError | ConnectionRefusedError):
             hint = "if that robot moves, cut its power; if not, remove that file"
-            return Answer(name, {}, f"nobody listens at {path} any more: {hint}", True)
+            return Answer(name, {}, f"no server listens at {path} any more: {hint}", True)
         if isinstance(error, PermissionError):
             return Answer(name, {}, f"no permission for {path}: {_RIGHTS}")
         if isinstance(error, TimeoutError | BlockingIOError):

@@ -90,7 +90,7 @@ def robot(url: str, mend: bool, tell: Callable[[Iterable[ReportLine]], None]) ->
             if mend:
                 tell([ReportLine("bad", "a daemon serves this robot: stop it, then --mend")])
         elif Url.parse(url).scheme not in _MEASURED:
-            tell([ReportLine("note", f"nobody serves {url}: start a daemon, then its bus is measured")])
+            tell([ReportLine("note", f"no daemon serves {url}: start a daemon, then its bus is measured")])
         else:
             with open_line(url) as line:
                 report = check_line(line)

@@ -151,8 +151,8 @@ class UrbiProgram:
             except (OSError, UnicodeError) as error:
                 raise CliRefused(f"cannot listen to port {host}:{port}: {why(error)}", EX_UNAVAILABLE) from error
             if not is_loopback(host):
-                log.warning("whoever reaches %s runs programs as the user of this process, and everybody on the way "
-                            "can read along; urbihw serve asks for TLS and a token there", host)
+                log.warning("every computer that reaches %s runs programs as the user of this process, and everybody "
+                            "on the way can read along; urbihw serve asks for TLS and a token there", host)
         if file is not None:
             try:
                 self._process.write_port_file(file)

@@ -170,7 +170,7 @@ def listen(url: str, until: float) -> Iterator[Chunk]:
     """Yield what arrives on a port, without writing to it.  Raises BadUrl, CliRefused, Unavailable, LinkGone."""
     scheme = Url.parse(url).scheme
     if scheme not in _LISTEN:
-        raise CliRefused(f"nobody serves {url}, and on {scheme}:// one cannot listen only: start a daemon", EX_CONFIG)
+        raise CliRefused(f"no daemon serves {url}, and {scheme}:// cannot listen only: start a daemon", EX_CONFIG)
     with closing(buses.open(url)) as port:
         while (now := port.clock.now()) < until:
             for data in _read(port, min(until, now + 1.0)):

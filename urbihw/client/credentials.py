@@ -112,7 +112,7 @@ class Credentials:
                          f"give {self.words.token_file}, URBIHW_TOKEN, "
                          f"or a line '{where} TOKEN' in {self.folder / 'tokens'}")
         if not _TOKEN.fullmatch(found):
-            raise Denied(f"the token for {where} is none: it is one word of letters, digits, - and _")
+            raise Denied(f"the token for {where} is invalid: it is one word of letters, digits, - and _")
         return found
 
     def forget_token(self, where: Where) -> None:

@@ -135,8 +135,7 @@ class Lines:
         return None
 
     def _announced(self, end: int) -> re.Match[bytes] | None:
-        """The header of a Binary (``BIN size keywords``) at the end of the text before a line feed; None if there is
-        none."""
+        """The header of a Binary (``BIN size keywords``) at the end of the text before a line feed; else None."""
         begin = self._from
         if self._buffer.rfind(b"BIN ", begin, end) < 0:
             return None

@@ -49,7 +49,7 @@ class AccessPolicy:
             try:
                 self.authenticator.check()
             except BadConfig as error:
-                yield f"nobody else is let in by a token until this is mended: {error}"
+                yield f"no token is accepted until this is mended: {error}"
         if self.files is not None:
             try:
                 tls.context(self.files)
@@ -92,14 +92,15 @@ def access_policy(config: Config, addresses: Iterable[str]) -> AccessPolicy:
     if all(ipaddress.ip_address(address.partition("%")[0]).is_loopback for address in addresses):
         return AccessPolicy()
     if config.allow_plain:
-        log.warning("allow_plain: whoever reaches %s moves the robot and runs programs as the user of this process, "
-                    "and everybody on the way can read along; without it TLS and a token are asked for", config.host)
+        log.warning("allow_plain: every computer that reaches %s moves the robot and runs programs as the user of "
+                    "this process, and everybody on the way can read along; without it TLS and a token are asked for",
+                    config.host)
         return AccessPolicy()
     folder = state_folder()
     tokens = Tokens(folder, credential(CREDENTIAL))
     count = len(tokens.entries())
     if not count:
-        raise BadConfig(f"others than this machine reach host {config.host}, and nobody has a token yet: urbihw access "
+        raise BadConfig(f"others than this machine reach host {config.host}, and there is no token yet: urbihw access "
                         "add NAME, as the same user (with sudo for the service); or set allow_plain = true, which lets "
                         "in everybody")
     files = _certificate(config, folder)

@@ -29,7 +29,7 @@ def dark_runs(path: Path, free_above: float, *, negate: bool) -> tuple[int, int,
                 raise ValueError(f"{path.name} has {width} by {height} pixels; {MAX_PIXELS} are the most")
             data = picture.convert("L").tobytes()
     except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:
-        why = getattr(error, "strerror", None) or "it is none that Pillow knows"
+        why = getattr(error, "strerror", None) or "Pillow does not know its format"
         raise ValueError(f"{str(path)!r} cannot be read as a picture: {why}") from error
     blocked = bytes((255 - value if negate else value) <= free_above for value in range(256))
     flags = data.translate(blocked)

@@ -47,7 +47,7 @@ def _make_endpoint(robot: Nao, options: argparse.Namespace) -> Endpoint:
     if not options.libqi:
         return NaoEndpoint(robot, options.tcp, identity=Identity() if options.tls else None)
     if options.user:
-        raise FakeError("--libqi asks nobody for a password: without --user, please")
+        raise FakeError("--libqi asks for no password: without --user, please")
     # Imported here: the package is not everywhere, and loads slowly.
     from urbihw_fakes.nao.libqi import LibqiEndpoint
 

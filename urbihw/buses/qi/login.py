@@ -81,7 +81,7 @@ class Login:
             text = f"{where}: {REFUSED}; it hands out a new token, which is not taken: if the robot was reset, {kept}"
             raise Unavailable(errno.EACCES, text)
         if not _is_token(token):
-            text = f"{where}: the robot hands out a token that is none: 1 to {LONGEST_TOKEN} printable characters"
+            text = f"{where}: the robot hands out an invalid token: 1 to {LONGEST_TOKEN} printable characters"
             raise Unavailable(errno.EACCES, text)
         fresh = f"{self.token_file}.new"
         try:

@@ -82,7 +82,7 @@ class MetaObject:
 
 def _rows(value: Any) -> Iterable[Any]:
     if not isinstance(value, Mapping):
-        raise BadFrame("what a service offers is told in no map")
+        raise BadFrame("the offers of a service are not in a map")
     return value.values()
 
 

@@ -176,7 +176,7 @@ class ServoDriver(Driver):
         if tick.fired:
             # They stand and accept no goals. So long a silence on the bus counts as a stop of the whole robot.
             which = ", ".join(map(str, tick.fired))
-            self.halted = f"servo {which} stopped by itself: nobody spoke to it for {WATCHDOG_COUNTS * 0.02:g} s"
+            self.halted = f"servo {which} stopped by itself: it got no packet for {WATCHDOG_COUNTS * 0.02:g} s"
             _clear_watchdogs(cycle, tick.fired)
         back = [number for number, change in tick.changes if change.new == "back"]
         _clear_watchdogs(cycle, [number for number in back if _has_fired(cycle.members[number].device)])

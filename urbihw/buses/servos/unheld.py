@@ -89,7 +89,7 @@ def _explain_raw(name: str, raw: Any, rule: Limit) -> str:
     if name == TORQUE and raw:
         return f"it would go to an old goal while {rule.name} holds: use load = 1"
     if is_place(name):
-        return f"nobody knows what {name} moves while {rule.name} holds"
+        return f"what {name} moves is unknown while {rule.name} holds"
     if name in _FRAME and (rule.low, rule.high) != (-math.inf, math.inf):
         return f"{name} changes what a position is while {rule.name} holds"
     return ""

@@ -41,8 +41,7 @@ def rows_of(world: World, this: Obj) -> list[SlotRow]:
 
 
 def find_property(this: Obj, name: str, wanted: str) -> Value:
-    """A property of a slot, or of the slot of that name in the first prototype that has the property; None if there is
-    none.
+    """A property of a slot, or of the slot of that name in the first prototype that has the property; else None.
     """
     seen: dict[int, Obj] = {}
     waiting = [this]

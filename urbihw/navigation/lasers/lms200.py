@@ -126,7 +126,7 @@ def parse_scan(reply: SickReply) -> LaserScan:
     if len(reply.data) != 2 + 2 * count:
         raise BadFrame(f"a scan says {count} readings in {len(reply.data) - 2} bytes")
     if code not in _UNITS:
-        raise BadFrame(f"a scan has the unit {code}, which is none")
+        raise BadFrame(f"a scan has the unknown unit {code}")
     unit = _UNITS[code]
     raw = struct.unpack_from(f"<{count}H", reply.data, 2)
     # Table look-ups and comprehensions for speed: this runs for every reading of every scan.

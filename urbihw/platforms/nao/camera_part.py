@@ -72,7 +72,7 @@ class CameraPart(NaoPart):
         self._mode = message.value if isinstance(message.value, CameraMode) else None
         if self._mode is None:
             self._release()
-            self._close("nobody wants pictures")
+            self._close("no client wants pictures")
         elif self._main is None:
             self._mode = None
             raise Unavailable(f"this robot has no {VIDEO}: no pictures")

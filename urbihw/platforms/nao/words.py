@@ -45,7 +45,7 @@ MODULES: Final = {
 DCM: Final = {
     "setDCMWrite": ("setDCMWrite(on): write all joints by the DCM", ""),
     "setDCMShift": ("setDCMShift(ms): time from a write to the date of its command", ""),
-    "setTrace": ("setTrace(on): write a trace of what the joints are told", ""),
+    "setTrace": ("setTrace(on): write a trace of the orders to the joints", ""),
     "answerTo": ("wait for the answer to a request; used by the library", ""),
     "answered": ("event: an answer to a request has come", ""),
     "dcmWrite": ("whether joints are written by the DCM", ""),

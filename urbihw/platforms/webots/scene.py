@@ -11,7 +11,7 @@ from urbihw.platforms.webots.surface import Surface
 
 
 class SimulatedScene:
-    """See ``urbihw.platforms.scene.view.SceneSource``."""
+    """The scene of a simulated world: the ``SceneSource`` of ``urbihw.platforms.scene.view``."""
 
     def __init__(self, surface: Surface) -> None:
         self._surface = surface
