@@ -75,7 +75,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.mutants.run", description=(__doc__ or "").partition(":")[0])
     parser.add_argument("name", nargs="*", help="only sabotages with one of these in their names, files or tests")
     wanted = parser.parse_args().name
-    mutants = [each for each in load() if not wanted or any(word in f"{each.name} {each.file} {each.tests}" for word in wanted)]
+    mutants = [each for each in load() if not wanted or any(word in str(each) for word in wanted)]
     wrong = [problem for mutant in mutants for problem in problems(mutant)]
     if wrong or not mutants:
         print("\n".join(wrong) or "no such sabotage")
