@@ -282,9 +282,7 @@ class WiredRobot(GuardedRobot):
             self._heard_at = self.bus_time()
         match message:
             case m.Samples():
-                self.on_samples(message)
-                if self.opening and self.is_complete():
-                    self.answer_open(None)
+                self._handle_samples(message)
             case m.Reply():
                 self.channel.handle_reply(message)
             case m.DeviceReport():
@@ -325,6 +323,13 @@ class WiredRobot(GuardedRobot):
                 self._handle_end(message)
             case m.WorkerHeartbeat():
                 pass
+
+    def _handle_samples(self, message: m.Samples) -> None:
+        """Show measurements, but not those that were on their way when the link was lost: all values are old then."""
+        if self.opening or self.link.sensed:
+            self.on_samples(message)
+            if self.opening and self.is_complete():
+                self.answer_open(None)
 
     def _handle_found(self, message: m.Found) -> None:
         self.device_memory.keep(message.devices)

@@ -171,6 +171,15 @@ def blender_of(world: World, meta: SlotMeta, put: Callable[[Any], Any]) -> Blend
     return meta.blender
 
 
+def check_end(world: World, target: Value, name: str) -> None:
+    """A trajectory of a slot is over.  Raises an error if the slot is that of a device that cannot be reached."""
+    holder = world.peek_obj(target).find(name)
+    meta = None if holder is None else peek_meta(holder, name)
+    accessor: Any = None if meta is None else meta.accessor
+    if hasattr(accessor, "check_end"):
+        accessor.check_end()
+
+
 def find_blending(world: World, target: Value, name: str) -> tuple[dict[str, Any], Blender | None]:
     """The properties of the slot that a movement will write, and its blender."""
     holder = world.peek_obj(target).find(name)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from urbihw.kernel.runtime.blend import find_blending
+from urbihw.kernel.runtime.blend import check_end, find_blending
 from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.tagscope import (
     ConditionScope,
@@ -103,6 +103,7 @@ def time_verbs(world: World) -> dict[str, Any]:
             world, lambda: read(target, name), lambda v: world.update_slot(target, name, v), value, attributes,
             properties, blender,
         ).run()
+        check_end(world, target, name)
 
     def move_local(box: Box, value: Value, attributes: dict[str, Any]) -> None:
         """``local = value time: 1s``."""

@@ -76,6 +76,12 @@ class Effector:
         self._motion.warn_of_absence(self.device, self.origin)
         return True
 
+    def check_end(self) -> None:
+        """Raise the error of a trajectory that ends while its device is absent: nobody knows where the device is."""
+        reason = self._motion.explain_absence(self.device)
+        if reason:
+            raise errors.primitive(f"{reason}: the movement has ended without it, repeat it", self._var.name)
+
     @property
     def losses(self) -> int:
         """How often devices were lost or back."""

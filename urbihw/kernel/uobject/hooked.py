@@ -47,6 +47,10 @@ class WriteGuard(Protocol):
         """The lowest ``Job.epoch`` of a statement that may write."""
         ...
 
+    def check_end(self) -> None:
+        """Raise an error if the device of a trajectory that has written its target cannot be reached."""
+        ...
+
 
 class Mirror(Protocol):
     """The server-side counterpart of a variable whose device runs in another process."""
@@ -243,6 +247,11 @@ class Hooked(Executable):
             guard = self.effector
             found.guard(lambda value: guard.admit(value, self._limited(value)), lambda: guard.since)
         return found
+
+    def check_end(self) -> None:
+        """A trajectory of this variable is over.  Raises an error if its device cannot be reached."""
+        if self.effector is not None:
+            self.effector.check_end()
 
     def _notify_owner(self, before: Value) -> None:
         """Run the owner's callbacks.  If one raises ValueError, the value is restored and the error goes to the

@@ -213,6 +213,10 @@ class Motion:
         """Whether writes to a device do not act at present."""
         return None in self.absent or device in self.absent
 
+    def explain_absence(self, device: Hashable) -> str:
+        """Why writes to a device do not act at present, "" if they do."""
+        return (self.absent.get(None) or self.absent.get(device, ("", 0)))[0]
+
     def warn_of_absence(self, device: Hashable, origin: Origin) -> None:
         """Warn the client that wrote to an absent device, once of each loss, also if many devices are lost with it.
 

@@ -53,7 +53,8 @@ class NaoExchange:
         self._open.clear()
 
     def end(self) -> None:
-        """Close the session: calls under way fail."""
+        """Close the session: calls under way fail, and what was measured and not told yet is too old."""
+        self.values.clear()
         session, self._session = self._session, None
         if session is not None:
             session.close(LINK_LOST)
