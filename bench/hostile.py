@@ -13,8 +13,8 @@ server before a simulated Bioloid (`tests/hostile/attack_lab.py`).  All of them 
     log           lines that the attack made
 
 Below a row stands what is wrong with it.  Judged are `busy` and `held`, which do not depend on what else the machine
-has to do: at most 50 ms at the 99th percentile; those who hold the interpreter on purpose do so once, until the limit
-of the server ends them.  The exit code is the number of rows with something wrong.
+has to do: at most 50 ms at the 99th percentile; those who hold the interpreter on purpose may do so once until the
+limit of the server ends them.  The exit code is the number of rows with something wrong.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def row(attack: Attack, outcome: Outcome) -> str:
     times = "".join(f"{1000 * value:8.1f}" for value in (seen.p99, seen.worst, seen.busy_p99, seen.longest_hold))
     whole = "yes" if outcome.whole == "yes" else "NO"
     ended = f"{outcome.ended:.2f}" + (" " if outcome.stands else "!")
-    counts = f"{seen.holds:6}{outcome.peak - outcome.idle:8.0f}{whole:>5}{ended:>9}{len(outcome.log):5}"
+    counts = f"{len(seen.holds):6}{outcome.peak - outcome.idle:8.0f}{whole:>5}{ended:>9}{len(outcome.log):5}"
     return f"{attack.name[:43]:44}{times}{counts}"
 
 
@@ -62,8 +62,10 @@ def notes(attack: Attack, outcome: Outcome) -> list[str]:
     if not attack.holds:
         if seen.busy_p99 > GOAL:
             wrong.append(f"busy above {1000 * GOAL:.0f} ms")
-    elif seen.longest_hold > LONGEST_HOLD or seen.holds > 1:
-        wrong.append(f"held more than once, or for more than {1000 * LONGEST_HOLD:.0f} ms")
+    elif seen.longest_hold > LONGEST_HOLD:
+        wrong.append(f"held for more than {1000 * LONGEST_HOLD:.0f} ms")
+    elif sum(hold > HOLD_LIMIT for hold in seen.holds) > 1:
+        wrong.append("held more than once until the limit")
     return wrong
 
 

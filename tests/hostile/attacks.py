@@ -447,8 +447,24 @@ _HELD = {
     "a loop in onDisconnect": "at (Lobby.onDisconnect?(var l)) { loop| {} }; Lobby.create.quit;",
     "a loop for a sort": "for| (var i : 1000000) { [2, 1].sort(closure (a, b) { loop| {} }) };",
     "a recursion that is caught": "function f() { try { f() } catch { f() } }; f();",
-    "work that gives way without end": "for (20) detach({ while (true) { 1; 2 } });",
-    "`every` without a pause": "every (0) { 1 }, every (1ms) { for| (1000) 1 },",
+}
+_HELD_MEMORY = {
+    "a string that doubles": 'var s = "x"|; loop| { s = s + s };',
+    "a list that grows": "var l = []|; loop| { l << [l.size] };",
+    "dictionaries in dictionaries": 'var d = ["a" => 1]|; loop| { d = ["a" => d, "b" => d] },',
+    "10 000 prototypes": "var o = Object.new|; for| (10000) o.addProto(Object.new); o.nothing; o;",
+    "a million slots": 'var o = Object.new|; for| (var i : 1000000) o.setSlot("s" + i, i); o.localSlotNames.size;',
+    "10 000 tags": "var tags = []|; for| (10000) tags << Tag.new; for| (var t : tags) detach({ t: sleep(1h) });"
+    " for| (var t : tags) t.freeze; for| (var t : tags) t.stop;",
+    "10 000 channels": 'for| (var i : 10000) { Channel.new("c" + i) << i };',
+    "10 000 variables of a device": 'var u = UObject.new|; for| (var i : 10000) UVar.new(u, "v" + i);',
+    "10 000 timers": "for| (var i : 10000) detach({ every (10ms) { i } });",
+}
+"""A `|` runs in one go, as the language promises, and so does a `for|`: it ends, or the limit of the server ends it."""
+_HELD_OTHERS = {
+    "everything printed without end": "Object.asToplevelPrintable = function () { loop| {} }; Object.asString = "
+    "function () { loop {} }; Float.asString = function () { loop| {} };"
+    " Float.asToplevelPrintable = function () { loop {} };",
 }
 _MEMORY = {
     "jobs that fork jobs": "function fa() { fa() & fa() }; fa();",
@@ -456,15 +472,10 @@ _MEMORY = {
     "detached jobs without end": "loop { detach({ sleep(1h) }) },",
     "a lobby that is handed text without end": 'loop { lobby.receive("x" * 1e7) };',
     "a lobby that is handed text without end, beside": 'loop { lobby.receive("x" * 1e7) },',
-    "a string that doubles": 'var s = "x"|; loop| { s = s + s };',
-    "a list that grows": "var l = []|; loop| { l << [l.size] };",
     "a list that holds itself": "var l = [1]|; for| (40) l = [l, l]; l; l == l; l.asString.size;",
     "products that are too long": '("x" * 1e12).size; ("x" * 1e10).size; ([1] * 1e10).size; 1e10.seq.size;',
-    "dictionaries in dictionaries": 'var d = ["a" => 1]|; loop| { d = ["a" => d, "b" => d] },',
     "objects that derive from each other": "var o = Object.new|; for| (5000) o = o.clone; o.nothing;"
     " o.asString; o.protos;",
-    "10 000 prototypes": "var o = Object.new|; for| (10000) o.addProto(Object.new); o.nothing; o;",
-    "a million slots": 'var o = Object.new|; for| (var i : 1000000) o.setSlot("s" + i, i); o.localSlotNames.size;',
 }
 _BUILT_IN = {
     "a string of 20 MB that is split": 'var s = "abcdefgh ," * 2000000|; loop { s.split(",").size; s.split.size },',
@@ -481,17 +492,14 @@ _BUILT_IN = {
     "a format of a million pieces": 'loop { (("%%" * 1000000) % []).size },',
 }
 _CROWDS = {
+    "work that gives way without end": "for (20) detach({ while (true) { 1; 2 } });",
+    "`every` without a pause": "every (0) { 1 }, every (1ms) { for| (1000) 1 },",
     "2000 at": "var Global.level = 0|; for| (2000) { at (level > 1) echo(1) onleave echo(2) };"
     " every (1ms) level = 3 - level,",
     "an event that emits itself": "var e = Event.new|; at (e?) e!; e!;",
     "an event that emits itself later": "var e = Event.new|; at (e?) { sleep(0); e! }; e!;",
     "two events that emit each other twice": "var e = Event.new|; var f = Event.new|; at (e?) { f! & f! };"
     " at (f?) { e!, e! }; e!;",
-    "10 000 tags": "var tags = []|; for| (10000) tags << Tag.new; for| (var t : tags) detach({ t: sleep(1h) });"
-    " for| (var t : tags) t.freeze; for| (var t : tags) t.stop;",
-    "10 000 channels": 'for| (var i : 10000) { Channel.new("c" + i) << i };',
-    "10 000 variables of a device": 'var u = UObject.new|; for| (var i : 10000) UVar.new(u, "v" + i);',
-    "10 000 timers": "for| (var i : 10000) detach({ every (10ms) { i } });",
     "a flood for all": 'loop { wall("x" * 100) },',
     "events with payloads without end": "var e = Event.new|; for (1000) { at (e?(var x)) { [x] } };"
     " loop { e!([1, 2, 3]) },",
@@ -537,9 +545,6 @@ _OTHERS = {
     " Global.addProto(System);",
     "a robot without a stop": "robot.stop = 3; bioloid.stop = 3; robot.estop = 3; bioloid.release = 3;",
     "operators that lie": "Float.'+' = function (x) { 42 }; Float.'==' = function (x) { true };",
-    "everything printed without end": "Object.asToplevelPrintable = function () { loop| {} }; Object.asString = "
-    "function () { loop {} }; Float.asString = function () { loop| {} };"
-    " Float.asToplevelPrintable = function () { loop {} };",
     "printing that fails": 'Object.asToplevelPrintable = function () { throw "no" }; Object.asString = function () '
     '{ throw "no" }; Float.asString = function () { throw "no" }; Exception.asString = function () { throw "no" };',
     "a lobby whose slots hang": "Lobby.topLevel = Object.new|; Lobby.echo = function (x) { loop {} }; Lobby.send = 3;",
@@ -601,8 +606,10 @@ ATTACKS: tuple[Attack, ...] = (
     *_programs({"a regexp without end": _REGEXPS.pop("a regexp without end")}, ci=True),
     *_programs(_REGEXPS),
     Attack("ten regexps at once", b'Regexp.new("(a+)+$").match("a" * 60 + "b");\n', connections=10),
-    Attack("a loop that never gives way", b"loop| {},\n", seconds=6, ci=True),
-    *_programs(_HELD),
+    Attack("a loop that never gives way", b"loop| {},\n", seconds=6, holds=True, ci=True),
+    *_programs(_HELD, holds=True),
+    *_programs(_HELD_MEMORY, holds=True),
+    *_programs(_HELD_OTHERS, holds=True, spoils=True),
     *_programs(_BUILT_IN, memory=800.0),
     *_programs(_OTHERS, spoils=True),
     Attack("_exit", b"System._exit(1); _exit(1);\n", ends=True),

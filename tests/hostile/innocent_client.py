@@ -42,7 +42,7 @@ class Seen:
         p50, p99, worst: of the times until an answer came.
         busy_p99: of the processor time of the server until an answer came, which is at most the time by the clock.
         longest_hold: the most processor time of the server in which no answer came though one was owed.
-        holds: how often that was longer than ``HOLD``.
+        holds: those times that were longer than ``HOLD``.
     """
 
     asked: int = 0
@@ -56,7 +56,7 @@ class Seen:
     worst: float = 0.0
     busy_p99: float = 0.0
     longest_hold: float = 0.0
-    holds: int = 0
+    holds: list[float] = field(default_factory=list)
 
 
 class ProcessorTime:
@@ -139,7 +139,8 @@ class Neighbour:
         began = max(self._owed[0], self._heard)
         hold = min(now.time - began.time, now.busy - began.busy)
         self.seen.longest_hold = max(self.seen.longest_hold, hold)
-        self.seen.holds += hold > HOLD
+        if hold > HOLD:
+            self.seen.holds.append(hold)
 
     def _ask(self, due: float) -> None:
         try:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from collections.abc import Callable
 from typing import Any
 
@@ -408,3 +410,27 @@ def test_timers_of_the_same_time_keep_their_order(world: World) -> None:
     for number in range(5):
         world.scheduler.call_at(1.0, lambda number=number: world.said.append(number))  # type: ignore[misc]
     assert world.run() == [0, 1, 2, 3, 4]
+
+
+def test_what_a_stopped_job_held_is_freed_without_the_collector(world: World) -> None:
+    """Else the garbage of a crowd is freed in one go, while all others wait."""
+
+    class Held:
+        """Something that a job refers to."""
+
+    found: list[weakref.ref[Held]] = []
+
+    def body() -> None:
+        held = Held()
+        found.append(weakref.ref(held))
+        world.scheduler.sleep(1)
+
+    job = world.scheduler.spawn(body)
+    world.scheduler.run()
+    gc.disable()
+    try:
+        world.scheduler.kill(job)
+        world.scheduler.run()
+        assert found[0]() is None
+    finally:
+        gc.enable()

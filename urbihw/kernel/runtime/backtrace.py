@@ -9,8 +9,9 @@ raised it; each outer frame has the place and the name of the next call.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
-from types import FrameType, TracebackType
+from collections.abc import Callable, Iterator
+from functools import partial
+from types import CodeType, FrameType, TracebackType
 from typing import Any, NamedTuple, Protocol
 
 LINE_MAP = "__urbi__"
@@ -64,12 +65,22 @@ class Stack(NamedTuple):
     calls: tuple[CallFrame, ...]
 
 
+class NotedCall(NamedTuple):
+    """A step of a call stack as it is noted: the instruction at an offset in some code.  To look it up takes longer and
+    is done only for the steps that are shown."""
+
+    line_map: LineLookup
+    code: CodeType | None
+    """None for a built-in that calls a function."""
+    at: int
+
+
 NO_STACK = Stack(None, None, ())
 
 
 def stack_of(error: BaseException, hide_system: bool = True) -> Stack:
     """The urbiscript call stack of an exception, innermost first: the functions that it left, and their callers."""
-    places: list[tuple[LineLookup, int]] = []
+    places: list[NotedCall] = []
     tb: TracebackType | None = error.__traceback__
     outer = None if tb is None else tb.tb_frame.f_back
     while tb is not None:
@@ -103,6 +114,11 @@ def current_stack(hide_system: bool = True) -> Stack:
     return _stack(_callers(sys._getframe(1)), hide_system)
 
 
+def later_stack() -> Callable[[], Stack]:
+    """The call stack of the running job as ``current_stack`` tells it, found when it is asked for."""
+    return partial(_stack, _callers(sys._getframe(1)), True)
+
+
 def calling_frame() -> FrameType | None:
     """The Python frame of the innermost urbiscript function that is running."""
     frame: FrameType | None = sys._getframe(1)
@@ -113,15 +129,15 @@ def calling_frame() -> FrameType | None:
 
 def entry_of(frame: FrameType) -> int:
     """The position of a frame of generated code, as an index into its line map."""
-    return _entry(frame, frame.f_lasti)
+    return _entry(frame.f_code, frame.f_lasti)
 
 
-def _entry(frame: FrameType, at: int) -> int:
+def _entry(code: CodeType, at: int) -> int:
     """The index for the instruction at an offset.  Instructions that CPython adds, such as the jump back to the head of
     a loop, have no index of their own and get that of the instruction before them.
     """
     entry = 0
-    for begin, _, line in frame.f_code.co_lines():
+    for begin, _, line in code.co_lines():
         if begin > at:
             break
         entry = line or entry
@@ -135,29 +151,29 @@ def running_call() -> str | None:
     return steps[0].name if steps else None
 
 
-def _callers(frame: FrameType | None) -> list[tuple[LineLookup, int]]:
-    places: list[tuple[LineLookup, int]] = []
+def _callers(frame: FrameType | None) -> list[NotedCall]:
+    places: list[NotedCall] = []
     while frame is not None:
         places += _place(frame, frame.f_lasti)
         frame = frame.f_back
     return places
 
 
-def _place(frame: FrameType, at: int) -> list[tuple[LineLookup, int]]:
-    """The entry of a Python frame, at an offset in its code, in a call stack: one place, or none."""
+def _place(frame: FrameType, at: int) -> tuple[NotedCall, ...]:
+    """The place of a Python frame, at an offset in its code, in a call stack: one, or none."""
     line_map = frame.f_globals.get(LINE_MAP)
     if line_map is not None:
-        return [(line_map, _entry(frame, at))]
+        return (NotedCall(line_map, frame.f_code, at),)
     routine = frame.f_code.co_name
     names = frame.f_globals.get(CALLS, {}).get(routine)
     if names is not None:
-        return [(BuiltInCalls(names, system=True), 0)]
+        return (NotedCall(BuiltInCalls(names, system=True), None, 0),)
     implied = frame.f_globals.get(IMPLIED_CALLS, {}).get(routine)
-    return [] if implied is None else [(BuiltInCalls((implied,), system=False), 0)]
+    return () if implied is None else (NotedCall(BuiltInCalls((implied,), system=False), None, 0),)
 
 
-def _stack(places: list[tuple[LineLookup, int]], hide_system: bool) -> Stack:
-    shown = [place for place in places if not (hide_system and place[0].system)]
+def _stack(places: list[NotedCall], hide_system: bool) -> Stack:
+    shown = [place for place in places if not (hide_system and place.line_map.system)]
     left_out = len(shown) - 2 * MAX_CALLS
     if left_out > 0:
         inner, outer = _flat(shown[:MAX_CALLS]), _flat(shown[-MAX_CALLS:])
@@ -170,9 +186,13 @@ def _stack(places: list[tuple[LineLookup, int]], hide_system: bool) -> Stack:
     return Stack(flat[0].location, flat[0].name, calls)
 
 
-def _flat(places: list[tuple[LineLookup, int]]) -> list[CallFrame]:
+def _flat(places: list[NotedCall]) -> list[CallFrame]:
     """The frames of some places.  A call made by a built-in gets the location where the built-in was called."""
-    frames = [frame for line_map, index in places for frame in line_map.frames(index)]
+    frames = [
+        frame
+        for line_map, code, at in places
+        for frame in line_map.frames(0 if code is None else _entry(code, at))
+    ]
     location = None
     for at in range(len(frames) - 1, -1, -1):
         if frames[at].location is None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
@@ -80,13 +81,16 @@ class Failures:
     def caught(self, error: BaseException) -> Any:
         """The urbiscript value of a caught error; Exceptions get their location and backtrace here."""
         urbi = self.normalized(error)
+        return self._caught(urbi, lambda: stack_of(urbi, self._world.hide_system))
+
+    def _caught(self, urbi: errors.UrbiError, find_stack: Callable[[], Stack]) -> Any:
         if isinstance(urbi, errors.Raised):
             if urbi.value is None:
-                urbi.value = self._exception(urbi)
+                urbi.value = self._exception(urbi, find_stack())
             return urbi.value
         value, world = urbi.value, self._world
         if isinstance(value, Obj) and "backtrace" not in value.slots and world.is_a(value, world.exception_proto):
-            self._locate(value, stack_of(urbi, world.hide_system))
+            self._locate(value, find_stack())
         return value
 
     def describe(self, error: BaseException) -> list[str]:
@@ -107,7 +111,7 @@ class Failures:
     def _described(self, error: BaseException) -> list[str]:
         urbi = self.normalized(error)
         stack = stack_of(urbi, self._world.hide_system)
-        value = self.caught(urbi)
+        value = self._caught(urbi, lambda: stack)
         if isinstance(value, Obj) and self._world.is_a(value, self._world.exception_proto):
             head = self.exception_text(value)
             place = self._slot_text(value, "location")
@@ -136,12 +140,11 @@ class Failures:
             return ""
         return self._world.text(content)
 
-    def _exception(self, raised: errors.Raised) -> Obj:
+    def _exception(self, raised: errors.Raised, stack: Stack) -> Obj:
         base = self._world.exception_proto
         kind = base if raised.kind == "Exception" else self._world.classes.get(f"Exception.{raised.kind}", base)
         made = Plain(self._world, [kind])
         made.slots["message"] = self._world.string(raised.message + self._spelling(raised))
-        stack = stack_of(raised, self._world.hide_system)
         routine = stack.routine if raised.routine == "" else raised.routine
         if routine is not None:
             made.slots["routine"] = self._world.string(routine)

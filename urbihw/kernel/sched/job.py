@@ -10,6 +10,8 @@ from collections.abc import Callable
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
+from urbihw.kernel.sched.signals import Signal
+
 if TYPE_CHECKING:
     from urbihw.kernel.sched.coro import Carrier
     from urbihw.kernel.sched.group import Group
@@ -92,10 +94,20 @@ class Job:
             self.result = self.body()
         except KeyboardInterrupt:  # no signal handler is installed yet, so it ends the process
             raise
+        except Signal as signal:
+            self.error = signal.with_traceback(None)  # which nobody reads, and which refers to the job
         except BaseException as error:
             self.error = error
         self.body = None
         self.scheduler.ended(self)
+
+    def take_pending(self) -> BaseException:
+        """The error that is pending for the job.  It must not be held by a variable of the function that raises it: an
+        error refers to the variables of all functions it leaves, and such a cycle would wait for Python's collector.
+        """
+        error, self.pending = self.pending, None
+        assert error is not None
+        return error
 
     def end_sleep(self) -> None:
         """Make the sleeping job ready, since its time has come."""

@@ -189,8 +189,7 @@ class Scheduler:
         else:
             self._pool.hub.switch()
         if job.pending is not None:
-            error, job.pending = job.pending, None
-            raise error
+            raise job.take_pending()
 
     def give_way(self, seconds: float) -> None:
         """Let the sockets and other jobs have their turn if this round has lasted longer than ``seconds``."""
@@ -397,8 +396,7 @@ class Scheduler:
         """Switch to another job; when this job is resumed, raise the error that is pending for it."""
         self.hand_over()
         if job.pending is not None:
-            error, job.pending = job.pending, None
-            raise error
+            raise job.take_pending()
 
     def hand_over(self) -> None:
         """Switch to the next job of this round if it can run as it is, else to the hub.

@@ -23,8 +23,9 @@ log = logging.getLogger("urbihw.server")
 BACKLOG: Final = 1024
 """Maximum number of connections that wait to be accepted.  Linux drops further requests; the client tries again after 1
 s."""
-MAX_ACCEPTS_PER_TURN: Final = 32
-"""Maximum number of connections accepted in one callback; then other events get their turn."""
+MAX_ACCEPTS_PER_TURN: Final = 4
+"""Maximum number of connections accepted in one callback; then other events get their turn.  Each costs about 1 ms,
+most of it soon after the callback, when its lobby is opened and when it leaves."""
 ACCEPT_RETRY_S: Final = 1.0
 """Seconds after which accepting is tried again although no connection was closed."""
 EXHAUSTED: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)

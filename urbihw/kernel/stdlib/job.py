@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from urbihw.kernel.runtime.backtrace import LINE_MAP, NO_STACK, CallFrame, Stack, current_stack, entry_of
+from urbihw.kernel.runtime.backtrace import LINE_MAP, NO_STACK, CallFrame, Stack, entry_of, later_stack
 from urbihw.kernel.runtime.event import wait_for
 from urbihw.kernel.runtime.location import make_frames
 from urbihw.kernel.runtime.object import Obj
@@ -35,14 +35,14 @@ NOTES = {
 
 
 class JobObject(Obj):
-    """An urbiscript Job; ``job`` is None for the prototype; ``origin`` is the call stack at the start of the job."""
+    """An urbiscript Job; ``job`` is None for the prototype; ``origin`` tells the call stack at the start of the job."""
 
     __slots__ = ("job", "origin")
 
     def __init__(self, world: World, protos: list[Obj], job: Job | None = None) -> None:
         super().__init__(world, protos)
         self.job = job
-        self.origin: tuple[Any, ...] = ()
+        self.origin: Callable[[], Stack] = lambda: NO_STACK
 
     def known(self) -> Job:
         """The job.  Raises the type error for the prototype."""
@@ -126,7 +126,10 @@ def job_stack(this: JobObject) -> Stack:
         if line_map is not None and not line_map.system:
             calls += [step for step in line_map.frames(entry_of(frame)) if step.name is not None]
         frame = frame.f_back
-    return Stack(None, None, (*calls, *this.origin))
+    origin = this.origin()
+    if origin is not NO_STACK:
+        calls += [CallFrame(origin.location, origin.routine), *origin.calls]
+    return Stack(None, None, tuple(calls))
 
 
 @TABLE.primitive("dumpState")
@@ -188,8 +191,7 @@ def starter(world: World) -> Callable[[Callable[[], Any], bool], JobObject]:
         made.epoch = maker.epoch
         world.scheduler.prefer(made)
         value = job_value(world, made)
-        stack = current_stack()
-        value.origin = (CallFrame(stack.location, stack.routine), *stack.calls)
+        value.origin = later_stack()
         return value
 
     return start

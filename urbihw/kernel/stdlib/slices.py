@@ -7,7 +7,7 @@ call, and changes data in one step at the end.  With a simulated clock there are
 
 from __future__ import annotations
 
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
 from typing import Any, Final, TypeVar
@@ -105,21 +105,26 @@ def sort_in_slices(world: World, members: list[Value], key: Key = None) -> None:
 def _merged(world: World, runs: list[list[Value]], key: Key) -> list[Any]:
     """Merge sorted lists; among equal members, those of the first list come first.
 
-    The lists are cut at the same values into pieces of about ``SORT_RUN_SIZE`` members, which Python's sort merges.
+    The lists are cut at the same values into pieces of about ``SORT_RUN_SIZE`` members, which Python's sort merges, and
+    pieces of equal members.
     """
     ranked = key if key is not None else lambda member: member
     steps = [ranked(run[at]) for run in runs for at in range(CHECK_INTERVAL, len(run), CHECK_INTERVAL)]
     steps.sort()
-    bounds = steps[len(runs) :: max(1, SORT_RUN_SIZE // CHECK_INTERVAL)]
     begins = [0] * len(runs)
     merged: list[Any] = []
-    for bound in [*bounds, None]:
-        piece: list[Any] = []
-        for index, run in enumerate(runs):
-            end = len(run) if bound is None else bisect_left(run, bound, begins[index], key=key)
-            piece += run[begins[index] : end]
-            begins[index] = end
-        piece.sort(key=key)
-        merged += piece
+
+    def take(ends: list[int]) -> list[Any]:
+        """The members up to these ends, which are the next begins."""
+        piece = [member for run, begin, end in zip(runs, begins, ends, strict=True) for member in run[begin:end]]
+        begins[:] = ends
         give_way(world)
+        return piece
+
+    for bound in steps[len(runs) :: max(1, SORT_RUN_SIZE // CHECK_INTERVAL)]:
+        lower = [bisect_left(run, bound, begin, key=key) for run, begin in zip(runs, begins, strict=True)]
+        merged += sorted(take(lower), key=key)
+        # Any number of members may equal the bound; they are in order as they are.
+        merged += take([bisect_right(run, bound, begin, key=key) for run, begin in zip(runs, begins, strict=True)])
+    merged += sorted(take(list(map(len, runs))), key=key)
     return merged

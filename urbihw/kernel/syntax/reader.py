@@ -29,7 +29,7 @@ MB to read and to compile, and 25 ms to free.
 """
 MAX_OPEN = 20_000
 """Maximum number of unfinished brackets and operators of a statement."""
-MAX_BYTES = 64 * 1024 * 1024
+MAX_BYTES = 16 * 1024 * 1024
 """Maximum length of a statement in bytes, with its strings, comments and binaries."""
 
 _OPENING = frozenset("([{")
