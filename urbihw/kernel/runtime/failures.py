@@ -83,7 +83,7 @@ class Failures:
         urbi = self.normalized(error)
         return self._caught(urbi, lambda: stack_of(urbi, self._world.hide_system))
 
-    def _caught(self, urbi: errors.UrbiError, find_stack: Callable[[], Stack]) -> Any:
+    def _caught(self, urbi: errors.ThrownError, find_stack: Callable[[], Stack]) -> Any:
         if isinstance(urbi, errors.Raised):
             if urbi.value is None:
                 urbi.value = self._exception(urbi, find_stack())

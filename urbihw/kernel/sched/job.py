@@ -10,7 +10,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
-from urbihw.kernel.sched.signals import Signal
+from urbihw.kernel.sched.signals import JobSignal
 
 if TYPE_CHECKING:
     from urbihw.kernel.sched.coro import Carrier
@@ -94,7 +94,7 @@ class Job:
             self.result = self.body()
         except KeyboardInterrupt:  # no signal handler is installed yet, so it ends the process
             raise
-        except Signal as signal:
+        except JobSignal as signal:
             self.error = signal.with_traceback(None)  # which nobody reads, and which refers to the job
         except BaseException as error:
             self.error = error

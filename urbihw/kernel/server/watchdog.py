@@ -45,7 +45,7 @@ POLL_PERIOD_S: Final = 0.02
 IDLE_TIMEOUT_S: Final = 1.0
 """Seconds without a run after which the thread stops polling."""
 LOG_HOLD_S: Final = 1.0
-"""Seconds, by the clock, after which the log names a job that does not yield."""
+"""Seconds, by the clock, after which the log names a job that does not yield, where there is no limit."""
 GRACE_SHARE: Final = 0.5
 """The time for which a job may go on holding the interpreter after it got the error, as a share of the limit."""
 MAX_HOLDS: Final = 3
@@ -158,9 +158,9 @@ class Watchdog:
             return
         limit = self.hold_limit
         exceeds = limit > 0 and busy - look.began_busy > limit
-        if not look.named and (exceeds or now - look.interrupted > LOG_HOLD_S):
+        if not look.named and (exceeds or not limit and now - look.interrupted > LOG_HOLD_S):
             look.named = True
-            self._log_holder(limit if exceeds else LOG_HOLD_S)
+            self._log_holder(limit or LOG_HOLD_S)
         if exceeds:
             self._break_holder(look, now, busy)
 
