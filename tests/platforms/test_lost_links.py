@@ -1,7 +1,6 @@
 """What a lost link leaves: no slot of any robot reads as fresh, and no trajectory ends as if it had arrived.
 
-All platforms, each link lost twice in one life of the daemon.  The labs and their ways to move are those of the contract
-of motion.
+All platforms, each link lost twice in one life of the daemon.  The labs are those of the contract of motion.
 """
 
 from __future__ import annotations
