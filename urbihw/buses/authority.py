@@ -38,6 +38,7 @@ class MotionAuthority:
 
     def advance(self, epoch: int | None = None) -> None:
         """Begin the next epoch after a stop, or ``epoch`` if the master has numbered it already."""
+        # Never back: the worker may have stopped the robot by itself meanwhile, and that stop holds.
         self.epoch = self.epoch + 1 if epoch is None else max(self.epoch, epoch)
 
     def latch(self, reason: str) -> None:

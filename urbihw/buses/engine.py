@@ -151,10 +151,12 @@ class Engine:
             self._reports.begin_slow_work()
             self._try_open_link()
             self._end_slow_work()
+        # The guard turns the loss of the link into news: the worker lives on, supervises, and opens the link again.
         self._link.guard(self._tick)
         if self._authority.latched and now >= self._stop_again_at:
             self._stop_again_at = now + _STOP_AGAIN_PERIOD_S
             self._link.guard(self._driver.stop_again)
+        # The tick has ended early if a stop came: it goes out before any request.
         self._execute_urgent()
         self._execute_requests()
         self._execute_commands()
@@ -295,13 +297,16 @@ class Engine:
 
     def _stop_robot(self, reason: str, epoch: int | None = None) -> None:
         """Stop the robot now, or as soon as the link is back; earlier targets and requests are dropped."""
+        # The epoch comes first: from here on older targets are refused, also those that still wait in the pipe.
         self._authority.advance(epoch)
         self._gate.set_points.drop_courses()
         self._requests, stale = [], self._requests
+        # They are of an older epoch now: those that move something are answered with the refusal.
         for request in stale:
             self._accept_request(request)
         if self._link.port is None or not self._link.guard(self._driver.safe_stop):
             self._pending_stop_reason = reason
+        # The stop may have taken long, and nothing was read meanwhile: that is no silence of the master.
         self._inbox.excuse_pause()
         self._reports.post([Stopped(reason, self._authority.epoch)])
 

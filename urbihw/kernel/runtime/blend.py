@@ -100,6 +100,7 @@ class Blender:
         finally:
             self._movements.pop(movement, None)
             if movement.value is not None:
+                # See `_just_ended`: the others of this step have not written yet.
                 self._ended = [*self._just_ended(), (self._world.scheduler.clock.now(), movement.value)]
             self._line.wake_one()
 
@@ -127,6 +128,7 @@ class Blender:
 
     def _blended(self, more: list[float]) -> float:
         since = self._since()
+        # A movement of a stopped statement may not have had its turn to end yet: its value no longer counts.
         live = [movement for movement in self._movements if movement.job.epoch >= since]
         wanted = [movement.value for movement in live if movement.value is not None] + more
         wanted += [value for _, value in self._just_ended()]

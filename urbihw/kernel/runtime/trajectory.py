@@ -164,6 +164,7 @@ class Trajectory:
         for t in self._steps():
             over = length - t < self._period - _CLOSE
             wanted = limits.inside(self._target if over else curve(t))
+            # The limit counts from what was written, not from what is measured: a device lags behind its target.
             last = min(max(wanted, last - reach), last + reach)
             self._write(last)
             if over and abs(wanted - last) < _CLOSE:
@@ -257,6 +258,7 @@ class Trajectory:
             yield step * self._period
             step += 1
             now = job.local_time(scheduler.clock.now())
+            # Steps have absolute times, so that delays do not add up; late steps are left out, not made up for.
             missed = int((now - begin) / self._period + _CLOSE)
             step = max(step, missed)
             scheduler.sleep(begin + step * self._period - now)

@@ -105,7 +105,7 @@ class ConditionWatch:
 
     def touched(self) -> None:
         """Evaluate the condition again, because a place that it read was written."""
-        if self._busy:
+        if self._busy:  # written by this evaluation, or while it has yielded: `_update` goes round once more
             self._again = True
         elif self.live:
             try:
@@ -121,9 +121,11 @@ class ConditionWatch:
             # after this evaluation, and not inside it.
             self._again = True
             while self._again and self.live:
+                # Cleared before the evaluation: a write during it must not get lost.
                 self._again = False
                 value = self._evaluate()
                 if value != self.value:
+                    # The truth is stored first: `changed` may write, and so come back to `touched`.
                     self.value = value
                     self._changed(value)
         finally:
@@ -132,6 +134,7 @@ class ConditionWatch:
     def _evaluate(self) -> bool:
         """Evaluate the condition once and record what it reads."""
         # Each evaluation may read other places: of `a && b`, b is read only while a is true.
+        # ``_places`` mirrors the tables that this watch stands in, so that leaving them needs no search.
         for place in self._places:
             place.pop(self, None)
         self._places.clear()

@@ -95,7 +95,7 @@ class Job:
         except KeyboardInterrupt:  # no signal handler is installed yet, so it ends the process
             raise
         except JobSignal as signal:
-            self.error = signal.with_traceback(None)  # which nobody reads, and which refers to the job
+            self.error = signal.with_traceback(None)  # it is not read, and refers to the job
         except BaseException as error:
             self.error = error
         self.body = None

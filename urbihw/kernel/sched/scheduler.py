@@ -80,7 +80,8 @@ class Scheduler:
         """The job to which ``run`` itself gave the last turn."""
         self.breaker = Breaker(self)
         self._left = 0
-        """The number of jobs that are still to run in this round."""
+        """The number of turns that are left in this round: they go to the first jobs of ``ready``.  A job that becomes
+        ready meanwhile is appended, so it waits for the next round and cannot keep this one from ending."""
         self._interrupted = False
         self._round_hooks: list[Callable[[], None]] = []
         self._posted: deque[Callable[[], None]] = deque()
@@ -236,6 +237,7 @@ class Scheduler:
             return
         if job is self.current:
             raise error
+        # A stack can be unwound only by its own job, so the error waits for that job's turn.
         if job.pending is not None:
             if takes_precedence(error, job.pending):
                 job.pending = error
@@ -248,6 +250,7 @@ class Scheduler:
         if job.undo is not None:
             undo, job.undo = job.undo, None
             undo()
+        # A ready job stands in the queue already; with a second entry it would get two turns in a round.
         if job.held or job.state in (states.WAITING, states.SLEEPING):
             job.held = False
             job.state = states.READY
@@ -291,6 +294,7 @@ class Scheduler:
         end = 0.0
         queue, ready = self._queue, self.ready
         while True:
+            # One time for the whole round, and so one time stamp; timers that are due by then fire before its jobs.
             self.now = now = self.clock.round()
             end = end or now + MAX_RUN_S  # counted from the first round, which runs however late it begins
             if self._posted:
@@ -302,17 +306,19 @@ class Scheduler:
                     action()
             if not ready:
                 self._run_round_hooks()
+                # The hooks may have made jobs ready.
                 if not ready and not self._posted:
                     self.latest = None
                     return self.timers.next_deadline()
                 if now > end:
                     return now
                 continue
-            if now > end:
+            if now > end:  # only `interrupt` ends a round before all its jobs had their turn
                 return now
             self.cycle += 1
             queue.preferred = None
             self._left = queue.begin_fair_round() if queue.is_fair else len(ready)
+            # Jobs also switch to each other (`hand_over`), which counts their turns: one `_resume` may take many.
             while self._left:
                 self._left -= 1
                 job = ready.popleft()
@@ -320,6 +326,7 @@ class Scheduler:
                     self._resume(job)  # type: ignore[arg-type]
                 if self._interrupted:
                     self._interrupted = False
+                    # Jobs without their turn: from now on rounds are short, so that no context starves another.
                     queue.is_fair = queue.is_fair or self._left > 0
                     self._run_round_hooks()
                     return now
@@ -425,7 +432,7 @@ class Scheduler:
             return
         # A frozen job with a pending error has its turn: it must be possible to stop it.
         if job.frozen and job.pending is None:
-            job.held = True
+            job.held = True  # out of the queue until `update_frozen` appends it again
             job.state = states.WAITING if job.state == states.READY else job.state
             return
         self.current = self.latest = job

@@ -77,7 +77,7 @@ class Effector:
         return True
 
     def check_end(self) -> None:
-        """Raise the error of a trajectory that ends while its device is absent: nobody knows where the device is."""
+        """Raise the error of a trajectory that ends while its device is absent: where that is, is unknown."""
         reason = self._motion.explain_absence(self.device)
         if reason:
             raise errors.primitive(f"{reason}: the movement has ended without it, repeat it", self._var.name)

@@ -135,10 +135,13 @@ class Motion:
 
     def advance(self, reason: str, epoch: int | None = None) -> None:
         """Register a stop of the robot: all earlier writes become invalid.  ``epoch`` is the worker's new epoch."""
+        # A stop that began here comes back as the worker's report: it is registered already.
         if epoch is not None and epoch <= self.epoch:
             return
         scheduler = self._world.scheduler
         self.epoch = self.epoch + 1 if epoch is None else epoch
+        # Two numbers: that of the worker counts stops of this robot, that of the scheduler orders statements.  Jobs of
+        # earlier statements keep the older number, so a loop that runs on cannot move the robot again.
         scheduler.epoch += 1
         self._mark = scheduler.epoch
         self.reason = reason
