@@ -147,7 +147,7 @@ class RobotLab:
         """A lab whose robot is open."""
         lab = cls(*arguments, **options)
         lab.until(lambda: bool(lab.opened))
-        assert lab.opened == [None]
+        assert lab.opened == [None], f"the robot did not open: {lab.opened[0]}"
         return lab
 
     def say(self, text: str, seconds: float = 0.0) -> str:

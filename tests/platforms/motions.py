@@ -94,7 +94,8 @@ class Motion:
         make: a lab whose robot is open.
         kinds: by name.
         others: other masters, by name; without them, how it is known that there can be none (`alone`).
-        look: speeds of all parts of the body (rad/s, m/s), and where they are (rad, m).
+        look: speeds of all parts of the body (rad/s, m/s), and where they are (rad, m); a part that is only on
+            or off has the speed 1 while it is on, and as its place the seconds for which it has been on.
         slot: the object with ``estop`` and ``link``.
         unplug, plug: the adapter.
         revive: what a client says to switch on what an event has switched off.
