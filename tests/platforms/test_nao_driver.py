@@ -45,8 +45,8 @@ def test_a_cycle_is_one_reading_and_one_set_angles_for_all_joints() -> None:
         rig.order(**dict.fromkeys(names, 0.001 * index))
         rig.run(TICK)
     assert rig.robot.motion.calls["setAngles"] - before == cycles
-    # And where it is, in each fifth cycle, and where its two hands are, once a second.
-    assert rig.asked == 2 * cycles + cycles // SLOW_CYCLES + 2
+    # And where it is and whether it walks, in each fifth cycle, and where its two hands are, once a second.
+    assert rig.asked == 2 * cycles + 2 * (cycles // SLOW_CYCLES) + 2
 
 
 def test_a_joint_that_gets_stiff_stays_where_it_is() -> None:

@@ -37,6 +37,7 @@ class Daemon:
         self.path = path
         self.said = ""
         self.value = "1"
+        self.delay = 0.0
         self.open = 0
         self._server: asyncio.Server
 
@@ -52,6 +53,7 @@ class Daemon:
                 for mark in ('Channel.new("', 'lobby.answerSlot("'):
                     channel = text.partition(mark)[2].partition('"')[0]
                     if channel.startswith("__urbihw_web_"):
+                        await asyncio.sleep(self.delay)
                         value = self.value if "answerSlot" not in mark else f'["", {self.value}]'
                         writer.write(f"[00000001:{channel}] {value}\n".encode())
         writer.close()

@@ -14,6 +14,7 @@ from browser_lab import SCHEMA, Site, check, site
 
 from urbihw.web import session
 from urbihw.web.lobby import LobbyLink
+from urbihw.web.moving import TAKEN_S
 from urbihw.web.outbox import WebOutbox
 from urbihw.web.tree import Tree
 from urbihw.web.verbs import VERBS
@@ -157,6 +158,16 @@ def test_what_is_no_path_never_reaches_the_daemon(tmp_path: Path, slot: Any) -> 
             assert await refused(browser.ask(do, slot=slot, value=1)) == "bad"
         assert await refused(browser.ask("subscribe", slots=[slot])) == "bad"
         assert "robot.go" not in made.daemon.said
+
+    play(tmp_path, test)
+
+
+def test_what_only_tells_something_is_answered_however_long_it_takes(tmp_path: Path) -> None:
+    async def test(made: Site) -> None:
+        browser = await made.browser("full")
+        made.daemon.value, made.daemon.delay = '["wave", []]', 3 * TAKEN_S
+        assert (await browser.ask("call", slot="robot.teaching", args=[]))["value"] == ["wave", []]
+        assert "value" not in await browser.ask("call", slot="robot.go", args=[1])
 
     play(tmp_path, test)
 

@@ -15,7 +15,7 @@ from urbihw.client.literals import literal, written_path
 from urbihw.web.asked import number_of, path_of, text_of, truth_of
 from urbihw.web.lobby import LobbyError, plain_value
 from urbihw.web.session import WebRefusal, WebSession
-from urbihw.web.tree import FREE_CALLS, PACED_CALLS
+from urbihw.web.tree import FREE_CALLS, PACED_CALLS, TELLING_CALLS
 
 DEAD_MAN_S: Final = 0.3
 """Seconds without an order of the pad after which the base stands."""
@@ -135,6 +135,8 @@ async def call(session: WebSession, request: Request) -> dict[str, Any]:
         raise WebRefusal(str(error)) from error
     # A function without a value is no error.
     body = f"var __value = {written_path(slot)}({text}).acceptVoid | if (__value.isVoid) nil else __value"
+    if slot.rpartition(".")[2] in TELLING_CALLS:
+        return {"value": await session.link.value(body)}
     line = await _taken(session, session.link.begin(body))
     return {"running": True} if line is None else {"value": plain_value(line)}
 

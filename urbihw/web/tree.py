@@ -12,7 +12,9 @@ SAFE_CALLS: Final = frozenset((
 """The functions of a robot and its devices that a browser of role drive may call."""
 PACED_CALLS: Final = ("play", "pose")
 """Those whose second argument is a share of the speed that was recorded, or of that of poses."""
-FREE_CALLS: Final = frozenset(("stop", "endPlaying", "motions", "poses", "pages", "playing", "teaching"))
+TELLING_CALLS: Final = frozenset(("motions", "poses", "pages", "playing", "teaching"))
+"""Those that only tell something: their answer is waited for, since none is not the answer "no"."""
+FREE_CALLS: Final = TELLING_CALLS | {"stop", "endPlaying"}
 """Those that need no lease: they only tell something, or end a movement."""
 
 

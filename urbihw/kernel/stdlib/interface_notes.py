@@ -90,6 +90,7 @@ NOTES: Final = {
     "Interface.Mobile.watchdogInterval": "time without an order after which the robot stops, 0 for never",
     "Interface.Mobile.drive": "drive(x, yaw): drive at these speeds, m/s forward and rad/s to the left",
     "Interface.Mobile.odometry": "pose by the base's own measurements: [x, y, theta], m and rad to the left",
+    "Interface.Mobile.unbidden": "speeds while the body moves without an order of this server, else nil: [x, y, yaw]",
     "Interface.Mobile.moveTo": "moveTo([x, y, heading]): go there on the map, along a planned path",
     "Interface.Mobile.walk": "walk(d): the same as go",
     "Interface.Mobile.moving": "whether an order to move is in force",

@@ -3,7 +3,7 @@
 Devices and their items:
 
     HeadYaw ...     targets "angle" (rad) and "stiffness" (0 to 1); values "angle", "stiffness", "temperature"
-    walk            targets "x", "y" (m/s), "yaw" (rad/s); "write" of "config"; values "x", "y", "theta": where it is
+    walk            targets "x", "y" (m/s), "yaw" (rad/s); "write" of "config"; values: see ``walk_part``
     led NAME        ("led", NAME): targets "rgb" (0xRRGGBB), "level" (0 to 1)
     camera          "film"; value "picture": see ``camera_part``
     motors          "write" of "dcm", "shift", "trace": see ``joint_part``
@@ -91,7 +91,7 @@ class NaoDriver(Driver):
         self._calls, self._joints = CallPart(exchange), JointPart(exchange, orders)
         # In a stop the walk ends first: its legs are no joints under way then.
         parts: tuple[NaoPart, ...] = (
-            WalkPart(exchange), self._calls, WholeBodyPart(exchange), self._joints,
+            WalkPart(exchange, self._calls.is_moving), self._calls, WholeBodyPart(exchange), self._joints,
             LightPart(exchange), self._senses,
             ModulePart(exchange, self._hosting), SoundPart(exchange),
             CameraPart(exchange),

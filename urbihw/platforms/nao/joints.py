@@ -178,12 +178,15 @@ class NaoWalk(EffectorDevice, MeasuredDevice):
     x = reading(0.0)
     y = reading(0.0)
     theta = reading(0.0)
+    walks = reading(False)
+    speeds = reading()
 
     def init(self, channel: DeviceChannel, motion: Motion, explain: Explain) -> None:
         """Speak to the worker through ``channel``; ``motion`` is who may move the robot, ``explain`` tells why it
         cannot walk.
         """
         self._channel, self._explain = channel, explain
+        self.speeds.sense([0.0] * 3)
         for var, axis in zip((self.xSpeed, self.ySpeed, self.yawSpeed), AXES, strict=True):
             set_range(var, -FASTEST[axis], FASTEST[axis])
             self._bind(var, axis, motion)
@@ -211,12 +214,25 @@ class NaoWalk(EffectorDevice, MeasuredDevice):
         """See ``EffectorDevice``; a speed of 0 needs no explanation."""
         return "" if self.requested.sensed == 0 else self._explain()
 
-    def show(self, values: Mapping[str, float], stamp: float) -> None:
-        """Show where it is."""
+    def show(self, values: Mapping[str, Any], stamp: float) -> None:
+        """Show where it is, and whether it walks, whoever lets it."""
         self.mark_fresh()
         for var, item in ((self.x, "x"), (self.y, "y"), (self.theta, "theta")):
             if item in values:
                 var.sense(values[item], stamp)
+        if "walks" in values:
+            self.walks.sense(bool(values["walks"]), stamp)
+        if "speeds" in values:
+            self.speeds.sense(values["speeds"], stamp)
+
+    def lose(self) -> None:
+        """The link is lost: if it walked, it walks on, and how fast is not known."""
+        if self.walks.sensed or any(var.sensed for var in (self.xSpeed, self.ySpeed, self.yawSpeed)):
+            self.walks.sense(True)
+            self.speeds.sense([math.nan] * 3)
+            for var in (self.xSpeed, self.ySpeed, self.yawSpeed):
+                var.sense(math.nan)
+        self.mark_stale()
 
     def halted(self) -> None:
         """The joint stands, whatever its last order was."""

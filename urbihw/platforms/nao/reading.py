@@ -25,14 +25,17 @@ SENSORS: Final[Mapping[str, tuple[str, ...]]] = {
     "gyroY": ("InertialSensor/GyroscopeY/Sensor/Value", "InertialSensor/GyrY/Sensor/Value"),
     "charge": ("Battery/Charge/Sensor/Value",),
     "current": ("Battery/Current/Sensor/Value",),
+    "angleX": ("InertialSensor/AngleX/Sensor/Value",),
+    "angleY": ("InertialSensor/AngleY/Sensor/Value",),
     "weightL": ("LFoot/FSR/TotalWeight/Sensor/Value",),
     "weightR": ("RFoot/FSR/TotalWeight/Sensor/Value",),
 }
 """Item of the device ``SENSOR`` -> its keys behind PREFIX, newest name first."""
 CONTACTS: Final[Mapping[str, str]] = {
     "contact": "footContact", "contactL": "leftFootContact", "contactR": "rightFootContact",
+    "hasFallen": "robotHasFallen",
 }  # fmt: skip
-"""The same without PREFIX."""
+"""The same without PREFIX.  Whether and when NAOqi takes back ``robotHasFallen`` is unconfirmed."""
 SENSOR: Final = "sensors"
 OUTSIDE: Final = 0.3
 """Rad beyond its range at which an angle of a joint is no measurement."""

@@ -12,7 +12,17 @@ from pathlib import Path
 from typing import Any, Final
 
 from urbihw.buses import messages as m
-from urbihw.kernel.uobject import BadConfig, Opened, RobotSettings, event, function, owned, reading, set_range
+from urbihw.kernel.uobject import (
+    NIL,
+    BadConfig,
+    Opened,
+    RobotSettings,
+    event,
+    function,
+    owned,
+    reading,
+    set_range,
+)
 from urbihw.platforms.base import LINK_DOWN
 from urbihw.platforms.hooks import LimitedDevice
 from urbihw.platforms.nao import words
@@ -50,6 +60,10 @@ from urbihw.platforms.teach.robot import MotionRobot
 
 LEG_PARTS: Final = ("Hip", "Knee", "Ankle")
 """Parts of the names of the joints that carry the robot."""
+LYING: Final = 1.0
+"""Inclination of the torso in rad from which on the robot lies."""
+FALLEN: Final = 'the robot lies on the ground: ALRobotPosture.goToPosture("Stand", 0.5) lets it stand up'
+"""Explains why a robot that has fallen does not walk."""
 SLACK_LEGS: Final = "the legs are slack: robot.wakeUp lets the robot stand"
 """The warning for a client that lets a robot walk or balance that cannot stand."""
 VARIABLE: Final = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)?", re.ASCII)
@@ -77,6 +91,8 @@ class Nao(MotionRobot):
 
     services = reading()
     volume = owned(math.nan)
+    fallen = reading(NIL)
+    othersMoving = reading(False)
     answered = event()
 
     def init(self) -> None:
@@ -127,6 +143,7 @@ class Nao(MotionRobot):
             self.host.run(path.read_text("latin-1"), TREE, self._has_tree)
             return
         self._connect(info)
+        self.walk.halted()
         self.modules.offer_again()
         self.motor.choose_again()
         self.walk.send_steps()
@@ -185,6 +202,8 @@ class Nao(MotionRobot):
         """The reason why the robot cannot walk or balance, in words; "" if it may."""
         if not self.link.sensed:
             return LINK_DOWN
+        if self.fallen.sensed is True:
+            return FALLEN
         legs = [joint for name, joint in self.joints.items() if any(part in name for part in LEG_PARTS)]
         return SLACK_LEGS if any(joint.stiffness <= SLACK for joint in legs) else ""
 
@@ -200,8 +219,11 @@ class Nao(MotionRobot):
             elif device == SENSOR:
                 for sensor in self._sensors:
                     sensor.show(values, stamp)
+                self._show_fall(values, stamp)
             elif device == WALK:
                 self.walk.show(values, stamp)
+                if "others" in values:
+                    self.othersMoving.sense(bool(values["others"]), stamp)
             elif device in self.hands:
                 self.hands[device].show(values, stamp)
             elif device == CAMERA:
@@ -210,6 +232,19 @@ class Nao(MotionRobot):
                 self.micro.show(values["val"], stamp)
             elif device == MEMORY_VALUES:
                 self.memory.show(values, stamp)
+
+    def _show_fall(self, values: Mapping[str, float], stamp: float) -> None:
+        """Judge whether the robot lies, by the inclination of its torso; without one, by what NAOqi has told last."""
+        angles = [abs(values[item]) for item in ("angleX", "angleY") if item in values]
+        if angles:
+            fallen = max(angles) > LYING
+        elif "hasFallen" in values:
+            fallen = bool(values["hasFallen"])
+        else:
+            return
+        if fallen is not self.fallen.sensed:
+            self.fallen.sense(fallen, stamp)
+            self.show_part("robot", FALLEN if fallen else "")
 
     def on_happened(self, message: m.DeviceReport) -> None:
         """See ``WiredRobot``: an event of ALMemory, or a call of a module."""
@@ -233,9 +268,10 @@ class Nao(MotionRobot):
 
     def on_link_down(self, reason: str) -> None:
         if self._built:
-            self.walk.halted()
+            self.walk.lose()
             self.modules.cancel_all()
-            for device in (*self.joints.values(), *self._sensors, self.walk):
+            self.fallen.sense(NIL)
+            for device in (*self.joints.values(), *self._sensors):
                 device.mark_stale()
         if self._complete:
             # It walks on, but will be stopped when the link is back: no speed is kept.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from urbihw.buses.errors import BadValue
@@ -21,14 +21,19 @@ PLACE_CYCLES: Final = 5
 
 
 class WalkPart(NaoPart):
-    """Targets "x", "y" (m/s), "yaw" (rad/s) of ``WALK``; values "x", "y" (m), "theta" (rad); "write" of "config": the
-    foot-step parameters, names and values.
+    """Targets "x", "y" (m/s), "yaw" (rad/s) of ``WALK``; values "x", "y" (m), "theta" (rad), "walks" and "others"
+    (whether it walks, and whether somebody else lets it), "speeds" (m/s, m/s, rad/s, measured); "write" of "config":
+    the foot-step parameters, names and values.
     """
 
     verbs = frozenset({"write"})
 
-    def __init__(self, exchange: NaoExchange) -> None:
+    def __init__(self, exchange: NaoExchange, begun_here: Callable[[], bool]) -> None:
+        """``begun_here``: whether another part has begun what may let it walk."""
         super().__init__(exchange)
+        self._begun_here = begun_here
+        self._ours = False
+        """Whether the present walk, or the last one, was begun here; a walk that was ended goes on to its next step."""
         self._speeds = dict.fromkeys(AXES, 0.0)
         self._config: list[list[Any]] = []
         self._due = self._walks = self._asked = False
@@ -60,7 +65,7 @@ class WalkPart(NaoPart):
             return
         self._due = False
         if any(self._speeds.values()):
-            self._walks = self._asked = True
+            self._walks = self._asked = self._ours = True
             steps = [self._config] if self._config else []
             exchange.call(WALK, exchange.motion, "move", *self._speeds.values(), *steps)
         elif self._walks:
@@ -81,10 +86,27 @@ class WalkPart(NaoPart):
         self._cycle += 1
         if (slow or self._walks) and not exchange.busy("place"):
             exchange.call("place", exchange.motion, "getRobotPosition", True, then=self._show_place)
+        if slow and not exchange.busy("walking"):
+            exchange.call("walking", exchange.motion, "moveIsActive", then=self._show_walking)
 
     def _show_place(self, call: QiCall) -> None:
         place = map(to_number, to_row(call.value, 3)[:3])
-        self.exchange.values[WALK] = dict(zip(("x", "y", "theta"), place, strict=True))
+        self._values().update(zip(("x", "y", "theta"), place, strict=True))
+
+    def _show_walking(self, call: QiCall) -> None:
+        walks = bool(call.value)
+        self._ours = self._walks or self._ours and walks or self._begun_here()
+        self._values().update(walks=walks, others=walks and not self._ours)
+        if walks:
+            self.exchange.call("speeds", self.exchange.motion, "getRobotVelocity", then=self._show_speeds)
+        else:
+            self._values()["speeds"] = [0.0, 0.0, 0.0]
+
+    def _show_speeds(self, call: QiCall) -> None:
+        self._values()["speeds"] = [*map(to_number, to_row(call.value, 3)[:3])]
+
+    def _values(self) -> dict[str, Any]:
+        return self.exchange.values.setdefault(WALK, {})
 
     def drop_targets(self, devices: Devices) -> None:
         if devices is None or WALK in devices:

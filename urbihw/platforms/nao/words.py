@@ -20,6 +20,8 @@ BASE: Final = {
     "endOf": ("wait for the end of a call; used by the library", ""),
     "services": ("names of the services of NAOqi", ""),
     "volume": ("loudness of the speaker", "%"),
+    "fallen": ("whether the robot lies; nil while that is not known", ""),
+    "othersMoving": ("whether somebody else lets the robot walk", ""),
     "memoryEvents": ("events of ALMemory that are followed", ""),
 }
 JOINT: Final = COMMON | {
@@ -71,6 +73,8 @@ WALK: Final = {
     "x": ("position, forward from where it began", "m"),
     "y": ("position, to the left", "m"),
     "theta": ("heading, to the left", "rad"),
+    "walks": ("whether it walks, whoever lets it; the last known while the link is lost", ""),
+    "speeds": ("measured speeds: forward, to the left (m/s), yaw rate to the left (rad/s); nan if not known", ""),
 }
 SENSOR: Final = {"val": ("measured value", "")}
 BATTERY: Final = COMMON | {"current": ("current, negative while it drains", "A")}

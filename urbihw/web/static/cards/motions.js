@@ -9,7 +9,7 @@ const quoted = (text) => `"${text.replace(/[\\"]/g, "\\$&")}"`;
 
 export function Motions() {
   useTopics("state", "happened");
-  const [lists, setLists] = useState({ motions: [], poses: [], playing: [], teaching: null });
+  const [lists, setLists] = useState({ motions: [], poses: [], playing: [], teaching: undefined });
   const [name, setName] = useState("");
   const [speed, setSpeed] = useState(1);
   const look = async () => {
@@ -28,10 +28,13 @@ export function Motions() {
     return () => clearInterval(timer);
   }, [store.hello.role]);
   const act = async (verb, fields) => {
+    // Until the robot has told it, nothing is known of a recording: it may run, so it can be ended.
+    setLists((known) => ({ ...known, teaching: undefined }));
     await ask(verb, fields);
     await look();
   };
   const call = (slot, ...args) => act("call", { slot: `robot.${slot}`, args });
+  const isUnknown = lists.teaching === undefined;
   const isRecording = lists.teaching !== null;
   const record = () => act("run", { text: `robot.teach(${quoted(name)}),` });
   const goodName = /^[\w.: -]{1,60}$/.test(name);
@@ -42,10 +45,11 @@ export function Motions() {
       onInput=${(event) => setSpeed(Number(event.target.value))} /> ${speed.toFixed(1)}x</label>`}>
     <div class="caller"><label>Name <input id="motion-name" value=${name} onInput=${(event) => setName(event.target.value)} /></label>
       <button class="small" id="save-pose" disabled=${!goodName || !mayDrive()} title=${why} onClick=${() => call("savePose", name)}>Keep pose</button>
-      ${isFull() && html`<${SureButton} id="record" disabled=${!goodName || isRecording} act=${record} sure="Hold the robot: all joints slack?" title=${why || (isRecording ? "end the recording first" : "switches the joints off: hold the robot")}>Record by hand<//>`}
+      ${isFull() && html`<${SureButton} id="record" disabled=${!goodName || isRecording} act=${record} sure="Hold the robot: all joints slack?" title=${why || (isUnknown ? "not known yet whether the robot records" : isRecording ? "end the recording first" : "switches the joints off: hold the robot")}>Record by hand<//>`}
       ${isFull() && isRecording && html`<button class="small warning" id="end-record" onClick=${() => call("endTeaching")}>End recording</button>
       <button class="small" onClick=${() => call("keyPose")}>Take pose</button>`}
       ${lists.playing.length > 0 && html`<button class="small warning" onClick=${() => call("endPlaying")}>End ${lists.playing.join(", ")}</button>`}</div>
     <ul class="list">${lists.poses.map((each) => row(each, "pose"))}${lists.motions.map((each) => row(each, "motion"))}</ul>
+    ${isFull() && isUnknown && html`<p class="hint" id="record-unknown">Not known yet whether the robot records: asking.</p>`}
     ${isFull() && html`<p class="hint">Recording switches all joints off: hold the robot, move it, end the recording.</p>`}<//>`;
 }
