@@ -12,9 +12,23 @@ from urbihw.buses import messages as m
 from urbihw.buses import supervisor as module
 from urbihw.buses.errors import LinkGone, Unavailable
 from urbihw.buses.messages import FromWorker, ToWorker
-from urbihw.buses.supervisor import FIRST_BACK_OFF_S, LAST_BACK_OFF_S, Supervisor
+from urbihw.buses.supervisor import FIRST_BACK_OFF_S, LAST_BACK_OFF_S, MOST_AT_ONCE, Supervisor
 
 URL = "pipe://robot"
+
+
+class FakeSpare:
+    """A spare worker that is none."""
+
+    made: ClassVar[list[FakeSpare]] = []
+
+    def __init__(self, url: str, family: str) -> None:
+        assert (url, family) == (URL, "servos")
+        self.taken = self.closed = False
+        FakeSpare.made.append(self)
+
+    def close(self) -> None:
+        self.closed = True
 
 
 class FakeWorker:
@@ -40,8 +54,13 @@ class FakeWorker:
         self.calls: list[str] = []
 
     @classmethod
-    def start(cls, url: str, *, post: Callable[[FromWorker], None], begin: m.Begin, family: str) -> FakeWorker:
+    def start(
+        cls, url: str, *, post: Callable[[FromWorker], None], begin: m.Begin, family: str,
+        spare: FakeSpare | None = None,
+    ) -> FakeWorker:
         assert (url, family) == (URL, "servos")
+        if spare is not None:
+            spare.taken = True
         if cls.failures:
             raise cls.failures.pop(0)
         made = cls(post, begin)
@@ -113,6 +132,8 @@ class Rig:
 @pytest.fixture
 def rig(monkeypatch: pytest.MonkeyPatch) -> Iterator[Rig]:
     monkeypatch.setattr(module, "Worker", FakeWorker)
+    monkeypatch.setattr(module, "SpareWorker", FakeSpare)
+    FakeSpare.made.clear()
     monkeypatch.setattr(module, "LAST_STOP_TIMEOUT_S", 0.05)
     FakeWorker.made.clear()
     FakeWorker.failures.clear()
@@ -136,6 +157,22 @@ def test_one_that_dies_is_replaced_at_once_and_then_with_back_off(rig: Rig) -> N
     backed_off = [min(FIRST_BACK_OFF_S * 2**n, LAST_BACK_OFF_S) for n in range(7)]
     assert rig.pauses.waited == [0.0, *backed_off]
     assert rig.heard == [m.WorkerState("it died; another one is started")] * 8
+
+
+def test_those_that_had_reached_the_robot_are_replaced_at_once_by_spare_workers(rig: Rig) -> None:
+    for number in range(MOST_AT_ONCE + 3):
+        rig.worker.post(m.LinkState(True))
+        assert len(FakeSpare.made) == number + 1
+        rig.worker.end("it died")
+        assert FakeSpare.made[-1].taken
+    assert rig.pauses.waited == [0.0] * (MOST_AT_ONCE + 1) + [FIRST_BACK_OFF_S, LAST_BACK_OFF_S]
+
+
+def test_a_spare_worker_ends_with_the_supervisor_and_there_is_one_at_a_time(rig: Rig) -> None:
+    for up in (True, False, True):
+        rig.worker.post(m.LinkState(up))
+    rig.supervisor.stop()
+    assert [(spare.taken, spare.closed) for spare in FakeSpare.made] == [(False, True)]
 
 
 def test_one_that_worked_for_a_while_is_replaced_at_once_again(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:

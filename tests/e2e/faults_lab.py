@@ -12,6 +12,7 @@ import os
 import re
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import tempfile
@@ -131,7 +132,7 @@ class Daemon:
             self.close()
             raise
         self.port = int(port_file.read_text())
-        self.workers = self._children()
+        self.workers = [self.worker()]
 
     def log(self) -> str:
         """What it has logged."""
@@ -150,6 +151,27 @@ class Daemon:
             line.sendall(json.dumps(words).encode() + b"\n")
             return line.recv(4096).decode()
 
+    def worker(self) -> int:
+        """The process that owns the wire now: it listens at the control socket."""
+        with socket.socket(socket.AF_UNIX) as line:
+            line.settimeout(TIMEOUT_S)
+            line.connect(str(self.control))
+            raw = line.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
+        return int(struct.unpack("3i", raw)[0])
+
+    def replace_worker(self) -> None:
+        """Kill the worker, and wait until another one has reached the robot."""
+        old = self.worker()
+        os.kill(old, signal.SIGKILL)
+
+        def replaced() -> bool:
+            with contextlib.suppress(OSError, ValueError):
+                return self.worker() != old and json.loads(self.order(do="state"))["link"]
+            return False
+
+        wait_for(replaced, "another worker")
+        self.workers = [self.worker(), *self.workers]
+
     def close(self) -> None:
         """End it, whatever state it is in."""
         workers = {*self.workers, *self._children()}
@@ -164,7 +186,7 @@ class Daemon:
         found = []
         with contextlib.suppress(OSError):
             for child in task.read_text("ascii").split():
-                if b"urbihw.buses.child" in Path(f"/proc/{child}/cmdline").read_bytes():
+                if b"urbihw.buses." in Path(f"/proc/{child}/cmdline").read_bytes():
                     found.append(int(child))
         return found
 
@@ -240,11 +262,17 @@ class Case:
     rough: subprocess.Popen[bytes] | None = None
     began: float = field(default_factory=time.monotonic)
 
+    def prepare(self) -> None:
+        """Let the robot be ready to move."""
+        if self.rig.prepare:
+            self.client.say(self.rig.prepare)
+            self.client.say(f'waituntil({self.rig.until}); echo("ready");')
+            self.client.wait("ready")
+            self.client.forget_heard()
+
     def signal_worker(self, number: signal.Signals) -> None:
         """To whoever owns the wire."""
-        for pid in self.daemon.workers:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(pid, number)
+        os.kill(self.daemon.workers[0], number)
 
     def go(self, rough: bool) -> None:
         """Set it moving, by a client that can be killed if that is wanted."""
@@ -270,17 +298,15 @@ def case_of(rig: Rig) -> Iterator[Case]:
         stack.callback(client.close)
         watcher = Watcher(end, look)
         stack.callback(watcher.close)
-        if rig.prepare:
-            client.say(rig.prepare)
-            client.say(f'waituntil({rig.until}); echo("ready");')
-            client.wait("ready")
-            client.forget_heard()
-        yield Case(rig, end, watcher, daemon, client)
+        case = Case(rig, end, watcher, daemon, client)
+        case.prepare()
+        yield case
 
 
 def run(rig: Rig, event: Event) -> Outcome:
     """Let something happen to a robot that moves."""
     with case_of(rig) as case:
+        event.before(case)
         case.go(event.kills_client)
         watcher = case.watcher
         begin = time.monotonic()
@@ -305,16 +331,27 @@ def run(rig: Rig, event: Event) -> Outcome:
 
 @dataclass(frozen=True)
 class Event:
-    """What may happen: ``do`` comes back when it is over."""
+    """What may happen: ``do`` comes back when it is over; ``before`` is done to the robot that stands."""
 
     name: str
     do: Callable[[Case], None]
     kills_client: bool = False
+    before: Callable[[Case], None] = lambda case: None
 
 
 def _kill_client(case: Case) -> None:
     assert case.rough is not None
     case.rough.kill()
+
+
+def _kill_worker(case: Case) -> None:
+    case.signal_worker(signal.SIGKILL)
+
+
+def _lose_a_worker(case: Case) -> None:
+    case.daemon.replace_worker()
+    time.sleep(1.0)
+    case.prepare()
 
 
 def _hold_worker(case: Case) -> None:
@@ -365,7 +402,8 @@ EVENTS = (
     Event("`robot.stop` by another client", _stop),
     Event("emergency stop by the control socket", _estop),
     Event("client killed", _kill_client, kills_client=True),
-    Event("worker killed", lambda case: case.signal_worker(signal.SIGKILL)),
+    Event("worker killed", _kill_worker),
+    Event("two deaths of the worker within 10 s", _kill_worker, before=_lose_a_worker),
     Event("worker held for 5 s", _hold_worker),
     Event("daemon killed", lambda case: case.daemon.process.kill()),
     Event("daemon and worker killed", _kill_both),

@@ -72,6 +72,11 @@ def port_for(url: str, context: Context) -> Port:
     return _port_class(parsed)(parsed, context)
 
 
+def port_class(url: str) -> type[Port]:
+    """Return the class of the port named by `url`, imported. Raises BadUrl, and Unavailable without its library."""
+    return _port_class(Url.parse(url))
+
+
 def _port_class(url: Url) -> type[Port]:
     row = BUSES.get(url.scheme)
     if row is None:

@@ -1,8 +1,9 @@
 """A worker as a process of its own: `python -m urbihw.buses.child FD FAMILY URL`, started by `Worker.start`.
 
-FD is the worker's end of the pipe; the first message through it is `Begin`. SIGINT is ignored: the parent handles
-Ctrl-C. SIGTERM stops the robot and ends the worker. So does the death of the parent, which is seen as the end of the
-pipe or, if another process has inherited the pipe, as a changed parent process id.
+FD is the worker's end of the pipe; the first message through it is `Begin`. Until then the process has touched nothing,
+and has imported what it needs: a spare worker waits there for hours. SIGINT is ignored: the parent handles Ctrl-C.
+SIGTERM stops the robot and ends the worker. So does the death of the parent, which is seen as the end of the pipe or,
+if another process has inherited the pipe, as a changed parent process id.
 """
 
 from __future__ import annotations
@@ -15,8 +16,10 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from types import FrameType
 
+from urbihw import buses
 from urbihw.buses.driver import driver_of
 from urbihw.buses.engine import Engine
+from urbihw.buses.errors import BadUrl, Unavailable
 from urbihw.buses.link import Context
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import Begin
@@ -33,17 +36,21 @@ def main(arguments: list[str]) -> int:
         terminated = True
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, terminate)
     pipe = Connection(_lower_descriptor(int(pipe_fd)))
+    driver = driver_of(family)
+    with contextlib.suppress(BadUrl, Unavailable):
+        # Only for the import; what is wrong with it is reported when the link is opened.
+        buses.port_class(url)
     try:
         begin = pipe.recv()
     except (EOFError, OSError):
         return 0
+    signal.signal(signal.SIGTERM, terminate)
     if not isinstance(begin, Begin):
         raise TypeError(f"our bug: the first message to a worker must be Begin, not {begin!r}")
     _sharpen_timer()
     mailbox = Mailbox(pipe)
-    Engine(url, driver_of(family), mailbox, begin, Context(), lambda: terminated or os.getppid() != parent).run()
+    Engine(url, driver, mailbox, begin, Context(), lambda: terminated or os.getppid() != parent).run()
     return 0
 
 

@@ -1,8 +1,10 @@
 """Supervision of a bus worker: the handle that a robot holds, with the interface of a ``Worker``.
 
-A worker that has died, or hung and was killed, is replaced: at once the first time, then with back-off.  The new one
-gets the settings, the watches and the devices of the old one, and first stops everything that moves.  It begins a new
-epoch, so that no write made for the old worker moves the robot.
+A worker that has died, or hung and was killed, is replaced: at once if it had reached the robot, which may be moving,
+some times in a row; otherwise at once the first time, then with back-off.  A spare worker waits for that, since a
+process takes a quarter of a second to start, and seconds on a busy machine.  The new one gets the settings, the watches
+and the devices of the old one, and first stops everything that moves.  It begins a new epoch, so that no write made for
+the old worker moves the robot.
 
 All of this happens in the thread that reads from the worker, so it works while a program holds the interpreter.
 """
@@ -40,13 +42,15 @@ from urbihw.buses.messages import (
     Watch,
     WorkerState,
 )
-from urbihw.buses.worker import Post, Worker, WorkerBusy
+from urbihw.buses.worker import Post, SpareWorker, Worker, WorkerBusy
 
 FIRST_BACK_OFF_S: Final = 1.0
 LAST_BACK_OFF_S: Final = 2.0
 """Longest pause in s: while there is no worker, nothing stops a moving robot."""
 STEADY_AFTER_S: Final = 10.0
 """Seconds of work after which a worker that ends is replaced at once again."""
+MOST_AT_ONCE: Final = 5
+"""Workers that had reached the robot and are replaced at once; behind them the pauses bound the cost of starts."""
 MAX_QUEUED: Final = 10_000
 """Messages that may be queued for a worker that does not read."""
 LAST_STOP_TIMEOUT_S: Final = 3.0
@@ -72,6 +76,9 @@ class Supervisor:
         self._back_off = BackOff(FIRST_BACK_OFF_S, LAST_BACK_OFF_S, at_once=True)
         self._stopping = threading.Event()
         self._started_at = time.monotonic()
+        self._reached_robot = False
+        self._replaced_at_once = 0
+        self._spare: SpareWorker | None = None
         self._dead = False
         with self._lock:
             # The lock delays the end message of a worker that dies at once until ``_worker`` is set.
@@ -117,13 +124,18 @@ class Supervisor:
         with self._lock:
             self._stopping.set()
             worker, dead = self._worker, self._dead
-        if worker.alive and not worker.silent and not dead:
-            worker.stop()
-            if not worker.killed and not self._dead:
-                return
-        else:
-            worker.kill()
-        self._stop_directly()
+        try:
+            if worker.alive and not worker.silent and not dead:
+                worker.stop()
+                if not worker.killed and not self._dead:
+                    return
+            else:
+                worker.kill()
+            self._stop_directly()
+        finally:
+            spare = self._take_spare()
+            if spare is not None:
+                spare.close()
 
     # ---------------------------------------------------------------- inside
 
@@ -156,6 +168,9 @@ class Supervisor:
                 self._found = message
             case LinkState():
                 self._link_up = message.up
+                if message.up:
+                    self._reached_robot = True
+                    self._prepare_spare()
             case Stopped():
                 self._epoch = max(self._epoch, message.epoch)
             case Latched():
@@ -188,9 +203,7 @@ class Supervisor:
         while not self._stopping.is_set():
             self._link_up = False
             self._post(WorkerState(f"{reason}; another one is started"))
-            if time.monotonic() - self._started_at > STEADY_AFTER_S:
-                self._back_off.reset()
-            if self._stopping.wait(self._back_off.next_pause()):
+            if self._stopping.wait(self._next_pause()):
                 break
             try:
                 self._replace_worker(reason)
@@ -198,6 +211,28 @@ class Supervisor:
             except (BusError, OSError) as error:
                 reason = f"no bus worker can be started: {error}"
         self._post(message)
+
+    def _next_pause(self) -> float:
+        """Return the seconds to wait before the next worker is started."""
+        if time.monotonic() - self._started_at > STEADY_AFTER_S:
+            self._back_off.reset()
+            self._replaced_at_once = 0
+        reached, self._reached_robot = self._reached_robot, False
+        if reached and self._replaced_at_once < MOST_AT_ONCE:
+            self._replaced_at_once += 1
+            return 0.0
+        return self._back_off.next_pause()
+
+    def _prepare_spare(self) -> None:
+        """Start a spare worker if there is none; when the robot has been reached, so that it does not delay that."""
+        with self._lock, contextlib.suppress(OSError):
+            if self._spare is None and not self._stopping.is_set():
+                self._spare = SpareWorker(self._url, self._family)
+
+    def _take_spare(self) -> SpareWorker | None:
+        with self._lock:
+            spare, self._spare = self._spare, None
+        return spare
 
     def _replace_worker(self, reason: str) -> None:
         with self._lock:
@@ -209,7 +244,9 @@ class Supervisor:
             self._epoch += 1
             self._begin = replace(self._begin, restarts=self._begin.restarts + 1)
             begin = replace(self._begin, epoch=self._epoch, instead=reason, watches=self._all_watches())
-            self._worker = Worker.start(self._url, post=self._handle_message, begin=begin, family=self._family)
+            self._worker = Worker.start(
+                self._url, post=self._handle_message, begin=begin, family=self._family, spare=self._take_spare()
+            )
             self._dead = False
             if self._limits is not None:
                 # A worker that has died already posts its own ``Ended``.
@@ -236,7 +273,9 @@ class Supervisor:
 
         with contextlib.suppress(BusError, OSError):
             begin = replace(self._begin, epoch=self._epoch + 1, instead="the daemon ends", control="")
-            worker = Worker.start(self._url, post=hear, begin=begin, family=self._family)
+            worker = Worker.start(
+                self._url, post=hear, begin=begin, family=self._family, spare=self._take_spare()
+            )
             opened.wait(LAST_STOP_TIMEOUT_S)
             worker.stop()
         self._post(Ended("" if opened.is_set() else "the robot could not be stopped: its bus worker was dead"))

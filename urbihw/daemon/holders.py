@@ -11,7 +11,7 @@ from pathlib import Path
 
 PROC = Path("/proc")
 _LISTEN = "0A"  # state in /proc/net/tcp
-_WORKER = b"urbihw.buses.child"
+_WORKERS = {b"urbihw.buses.child", b"urbihw.buses.spare"}
 
 
 def holder_of_port(port: int, proc: Path = PROC) -> str:
@@ -39,7 +39,7 @@ def daemon_of_file(path: str, proc: Path = PROC) -> int:
             fields = (process / "stat").read_text("ascii", "replace").rpartition(")")[2].split()
         except OSError:
             continue
-        if _WORKER in words:
+        if not _WORKERS.isdisjoint(words):
             return int(fields[1])
     return 0
 
