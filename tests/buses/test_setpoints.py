@@ -22,9 +22,14 @@ class Rig:
         self.places: dict[Key, float] = {KEY: 512.0}
         self.points = SetPoints(self)
         self.now = 100.0
+        self.leash = math.inf
 
     def pose(self, device: Any, item: str) -> float | None:
         return self.places.get((device, item))
+
+    def reach(self, device: Any, item: str, pace: float, now: float) -> tuple[float, float] | None:
+        """With a leash, the goal is so far ahead of the place at most."""
+        return None if self.leash == math.inf else (self.places[KEY] - self.leash, self.places[KEY] + self.leash)
 
     def signed(self, device: Any, item: str, raw: Any) -> float:
         """A wheel keeps its sign in bit 10, as that of an AX does; a place is what it is."""
@@ -63,7 +68,7 @@ def test_without_limits_all_passes_as_it_is(rig: Rig) -> None:
 
 
 def test_a_limit_clamps_and_tells_once_until_it_ends(rig: Rig) -> None:
-    rig.points.set_limits({KEY: Limit(300, 700, name="joint range")})
+    rig.points.set_limits({KEY: Limit(300, 700, name="joint range")}, rig.now)
     assert [rig.take(value) for value in (500, 800, 900, 600, 100)] == [500, 700, 700, 600, 300]
     assert rig.points.pop_limited() == [
         Limited(*KEY, 800, 700, "joint range"),
@@ -71,17 +76,17 @@ def test_a_limit_clamps_and_tells_once_until_it_ends(rig: Rig) -> None:
         Limited(*KEY, 100, 300, "joint range"),
     ]
     assert rig.points.pop_limited() == []
-    rig.points.set_limits({})
+    rig.points.set_limits({}, rig.now)
     assert rig.take(800) == 800
 
 
 def test_limits_of_others_do_not_count(rig: Rig) -> None:
-    rig.points.set_limits({(5, KEY[1]): Limit(300, 700), (6, "torque_limit"): Limit(300, 700)})
+    rig.points.set_limits({(5, KEY[1]): Limit(300, 700), (6, "torque_limit"): Limit(300, 700)}, rig.now)
     assert rig.take(900) == 900
 
 
 def test_a_limit_of_a_speed_knows_the_sign_bit(rig: Rig) -> None:
-    rig.points.set_limits({WHEEL: Limit(-100, 100, name="speed")})
+    rig.points.set_limits({WHEEL: Limit(-100, 100, name="speed")}, rig.now)
     assert [rig.take(value, WHEEL) for value in (50, 500, 1024 + 50, 1024 + 500)] == [50, 100, 1024 + 50, 1024 + 100]
 
 
@@ -89,14 +94,14 @@ def test_a_limit_of_a_speed_knows_the_sign_bit(rig: Rig) -> None:
 
 
 def test_a_rate_is_kept_from_where_the_device_is(rig: Rig) -> None:
-    rig.points.set_limits({KEY: Limit(rate=1000.0)})
+    rig.points.set_limits({KEY: Limit(rate=1000.0)}, rig.now)
     assert rig.take(612) is None
     given = rig.steps(0.2)
     assert given == [522, 532, 542, 552, 562, 572, 582, 592, 602, 612]
 
 
 def test_a_new_target_under_way_turns_it_round(rig: Rig) -> None:
-    rig.points.set_limits({KEY: Limit(rate=1000.0)})
+    rig.points.set_limits({KEY: Limit(rate=1000.0)}, rig.now)
     rig.take(612)
     rig.steps(0.05)
     assert rig.take(512) is None
@@ -104,13 +109,13 @@ def test_a_new_target_under_way_turns_it_round(rig: Rig) -> None:
 
 
 def test_a_target_that_is_reached_already_goes_at_once(rig: Rig) -> None:
-    rig.points.set_limits({KEY: Limit(rate=1000.0)})
+    rig.points.set_limits({KEY: Limit(rate=1000.0)}, rig.now)
     assert rig.take(512) == 512
     assert rig.step() is None
 
 
 def test_a_speed_begins_at_rest_and_passes_zero_at_its_rate(rig: Rig) -> None:
-    rig.points.set_limits({WHEEL: Limit(rate=1000.0)})
+    rig.points.set_limits({WHEEL: Limit(rate=1000.0)}, rig.now)
     rig.take(20, WHEEL)
     assert rig.steps(0.1, WHEEL) == [10, 20]
     rig.take(1024 + 20, WHEEL)
@@ -118,14 +123,14 @@ def test_a_speed_begins_at_rest_and_passes_zero_at_its_rate(rig: Rig) -> None:
 
 
 def test_a_late_tick_makes_no_large_step(rig: Rig) -> None:
-    rig.points.set_limits({KEY: Limit(rate=1000.0)})
+    rig.points.set_limits({KEY: Limit(rate=1000.0)}, rig.now)
     rig.take(1000)
     rig.now += 0.3
     assert rig.step() == 512 + round(1000 * LONGEST_STEP_S)
 
 
 def test_a_stop_ends_what_is_under_way(rig: Rig) -> None:
-    rig.points.set_limits({KEY: Limit(rate=1000.0)})
+    rig.points.set_limits({KEY: Limit(rate=1000.0)}, rig.now)
     rig.take(1000)
     rig.steps(0.05)
     rig.points.drop_courses((5, 7))
@@ -199,7 +204,7 @@ def test_what_is_no_place_is_not_led_anywhere(rig: Rig) -> None:
 
 
 def test_a_speed_that_was_still_rising_when_its_device_was_lost_is_not_taken_up_by_itself(rig: Rig) -> None:
-    rig.points.set_limits({WHEEL: Limit(rate=100.0)})
+    rig.points.set_limits({WHEEL: Limit(rate=100.0)}, rig.now)
     rig.take(1000, WHEEL)
     assert rig.steps(0.5, WHEEL)
     rig.points.resume_courses(WHEEL[0], rig.now)
@@ -232,7 +237,7 @@ def test_only_the_device_that_is_back_is_led(rig: Rig) -> None:
 
 
 def test_the_rate_of_the_settings_counts_on_the_way_back_too(rig: Rig) -> None:
-    rig.points.set_limits({KEY: Limit(rate=50.0)})
+    rig.points.set_limits({KEY: Limit(rate=50.0)}, rig.now)
     rig.take(512)
     rig.places[KEY] = 300.0
     rig.points.resume_courses(6, rig.now)
@@ -248,7 +253,7 @@ def test_the_rate_of_the_settings_counts_on_the_way_back_too(rig: Rig) -> None:
 
 def test_a_way_waits_for_the_position_and_then_leads_to_the_newest_target(rig: Rig) -> None:
     rig.places[KEY] = math.nan
-    rig.points.set_limits({KEY: Limit(300, 700, 1000.0)})
+    rig.points.set_limits({KEY: Limit(300, 700, 1000.0)}, rig.now)
     assert rig.take(800) is None
     assert rig.steps(0.5) == []
     assert rig.take(550) is None
@@ -260,7 +265,7 @@ def test_a_way_waits_for_the_position_and_then_leads_to_the_newest_target(rig: R
 
 def test_a_single_write_waits_for_the_position_too_and_a_stop_ends_the_wait(rig: Rig) -> None:
     rig.places[KEY] = math.nan
-    rig.points.set_limits({KEY: Limit(rate=1000.0)})
+    rig.points.set_limits({KEY: Limit(rate=1000.0)}, rig.now)
     assert rig.points.start_ramp(*KEY, 532, rig.now) == 532
     assert rig.steps(0.1) == []
     rig.points.drop_courses()
@@ -271,7 +276,7 @@ def test_a_single_write_waits_for_the_position_too_and_a_stop_ends_the_wait(rig:
 
 
 def test_a_movement_whose_device_is_back_waits_for_its_position(rig: Rig) -> None:
-    rig.points.set_limits({KEY: Limit(rate=1000.0)})
+    rig.points.set_limits({KEY: Limit(rate=1000.0)}, rig.now)
     rig.take(700)
     rig.steps(0.05)
     rig.places[KEY] = math.nan
@@ -285,7 +290,7 @@ def test_a_movement_whose_device_is_back_waits_for_its_position(rig: Rig) -> Non
 
 def test_a_wait_for_a_position_ends_with_its_writer_when_the_device_comes_back(rig: Rig) -> None:
     rig.places[KEY] = math.nan
-    rig.points.set_limits({KEY: Limit(rate=1000.0)})
+    rig.points.set_limits({KEY: Limit(rate=1000.0)}, rig.now)
     rig.take(700)
     rig.steps(1.0)
     rig.points.resume_courses(KEY[0], rig.now)
@@ -294,16 +299,16 @@ def test_a_wait_for_a_position_ends_with_its_writer_when_the_device_comes_back(r
 
 
 def test_what_is_not_a_number_is_left_to_the_driver_to_refuse(rig: Rig) -> None:
-    rig.points.set_limits({KEY: Limit(300, 700, 1000.0)})
+    rig.points.set_limits({KEY: Limit(300, 700, 1000.0)}, rig.now)
     rig.take(600)
     assert math.isnan(rig.take(math.nan))
     assert rig.steps(0.2)[-1] == 600
 
 
 def test_two_ticks_at_one_time_after_the_limits_have_gone(rig: Rig) -> None:
-    rig.points.set_limits({KEY: Limit(rate=1000.0)})
+    rig.points.set_limits({KEY: Limit(rate=1000.0)}, rig.now)
     rig.take(600)
     rig.step()
-    rig.points.set_limits({})
+    rig.points.set_limits({}, rig.now)
     assert rig.points.next_targets(rig.now) == {KEY: 522}
     assert rig.steps(0.1) == [600]

@@ -152,10 +152,22 @@ class Driver:
         """Whether the device may be elsewhere than at its last target after this request: its torque was off."""
         return False
 
+    def regains_force(self, device: Any, item: str, value: Any) -> bool:
+        """Whether this target gives a joint the force back that it was without: it stays where it is then."""
+        return False
+
     def pose(self, device: Any, item: str) -> float | None:
         """Return the position of a device in the unit of the target `item`, nan while it is unknown.
 
         None for an item that is not a position.  A target that may change only slowly waits until it is known.
+        """
+        return None
+
+    def reach(self, device: Any, item: str, pace: float, now: float) -> tuple[float, float] | None:
+        """Return the lowest and the highest target with which a joint turns no faster than `pace` when it is let go.
+
+        None for what needs no such bounds, such as a drive that plans its way itself; nan while its position is
+        unknown. `pace` is in units of the target per second.
         """
         return None
 

@@ -258,7 +258,7 @@ class Engine:
             case Release():
                 self._release(message.who)
             case Limits():
-                self._execute_threshold_actions(self._gate.set_limits(message))
+                self._execute_threshold_actions(self._gate.set_limits(message, now))
             case Writers():
                 self._health.writers.update(message.names)
             case Unusable():

@@ -51,13 +51,14 @@ class Gate:
         self._driver = driver
         self._guards = ThresholdMonitor()
 
-    def set_limits(self, message: Limits) -> ThresholdActions:
-        """Replace all limits and thresholds; the last measured values are judged by the new ones."""
-        self.set_points.set_limits(message.table)
+    def set_limits(self, message: Limits, now: float) -> ThresholdActions:
+        """Replace all limits and thresholds; live targets and the last measured values are judged by the new ones."""
+        reined = self.set_points.set_limits(message.table, now)
         targets, news = self._guards.set_thresholds(message.thresholds)
         # A value that an earlier threshold had changed is restored within the present limits.
         within = {key: self._within_limit(key, raw, message.table.get(key)) for key, raw in targets.items()}
-        return self._threshold_actions(within, [*news, Held(self._guards.held)])
+        told: list[FromWorker] = [*self.set_points.pop_limited(), *news, Held(self._guards.held)]
+        return self._threshold_actions(reined | within, told)
 
     def _within_limit(self, key: Key, raw: Any, limit: Limit | None) -> Any:
         if limit is None:
@@ -79,8 +80,10 @@ class Gate:
                 # A target that a stop has overtaken is dropped without a message: this is the normal case.
                 news += [] if reason is STALE else [Refused(*key, reason)]
             else:
+                if self._driver.regains_force(*key, value):
+                    self.set_points.drop_courses((key[0],))
                 passed[key] = value
-        given = self.set_points.accept_targets(passed, now, message.time, message.resumed)
+        given = self.set_points.accept_targets(passed, now, message.time, message.resumed, message.rates)
         return given, news + [*self.set_points.pop_limited()]
 
     def filter_request(self, message: Request, now: float) -> tuple[Request | None, list[FromWorker]]:

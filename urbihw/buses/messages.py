@@ -30,12 +30,15 @@ class Targets:
     `epoch` is the motion epoch in which they were written: targets of an older epoch that would move the robot are
     dropped. `time` is when they were written, in seconds of the writer's clock; the speed of a movement is computed
     from it. `resumed` are targets of a movement whose writer was held up: the device has stood still meanwhile.
+    `rates` are the highest speeds of the movements that the targets belong to, in raw counts per second: the worker
+    keeps them, however late and far ahead a target arrives. A target without one is a plain write.
     """
 
     values: Mapping[tuple[Any, str], Any]
     epoch: int = 0
     time: float | None = None
     resumed: frozenset[tuple[Any, str]] = frozenset()
+    rates: Mapping[tuple[Any, str], float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

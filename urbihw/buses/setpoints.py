@@ -5,6 +5,10 @@ faster than the rate limits allow.  A device that was lost and comes back is whe
 has got to meanwhile: the set point starts at its position and catches up, no faster than the movement itself.  While
 that position is unknown nothing is written: the target waits, and its newest value counts.
 
+The set point of a position is bound to the body, too: while a speed is to be kept, by a limit or by the movement that
+asks, it is never further ahead of the measured position than the device needs to follow at that speed
+(``TargetConverter.reach``).  A joint that is blocked is waited for, so it does not leap when it is free again.
+
     asked    .-'-.     .-'-.        the requested course of the movement
     given    .-'--------'/..-'-.    constant while the device is lost, then led to the course at the course's own speed
 """
@@ -31,12 +35,13 @@ CATCH_UP_S: Final = 1.0
 LONGEST_STEP_S: Final = 0.03
 """Longest time step of a tick in s."""
 _NO_LIMIT: Final = Limit()
+_NO_RATES: Final[Mapping[Key, float]] = {}
 
 
 class _Course:
     """The targets of one item: what was asked last, how fast that moves, and what was given."""
 
-    __slots__ = ("_before", "_fastest", "_from", "_since", "asked", "asked_at", "given", "limit", "limited_to",
+    __slots__ = ("_before", "_fastest", "_from", "_since", "asked", "asked_at", "given", "limit", "limited_to", "rate",
                  "returning")
 
     def __init__(self) -> None:
@@ -44,6 +49,7 @@ class _Course:
         self.asked_at = -math.inf
         self.given = math.nan
         self.returning = False
+        self.rate = math.inf
         self.limit = ""
         self.limited_to = math.nan
         self._from = (0.0, -math.inf)
@@ -86,6 +92,11 @@ class TargetConverter(Protocol):
         """
         ...
 
+    def reach(self, device: Any, item: str, pace: float, now: float) -> tuple[float, float] | None:
+        """Return the lowest and the highest target for a speed, None if the device needs no such bounds; nan while its
+        position is unknown."""
+        ...
+
     def signed(self, device: Any, item: str, raw: Any) -> float:
         """Return a raw target as a signed number."""
         ...
@@ -110,9 +121,43 @@ class SetPoints:
         self._stepped_at = -math.inf
         self._news: list[Limited] = []
 
-    def set_limits(self, table: Mapping[Key, Limit]) -> None:
-        """Replace all limits."""
+    def set_limits(self, table: Mapping[Key, Limit], now: float) -> dict[Key, Any]:
+        """Replace all limits; return the targets that must change at once, since they are beyond the new ones.
+
+        A joint that stands stays where it is; one on its way goes on within the new limits.
+        """
         self.limits = table
+        given: dict[Key, Any] = {}
+        for key in self._courses.keys() & table.keys():
+            course, limit = self._courses[key], table[key]
+            is_joint = self._converter.pose(*key) is not None
+            if math.isnan(course.asked) or (is_joint and not self._rein(key, course, now)):
+                continue
+            course.asked = self._apply_limit(key, course, limit, self._converter.raw_of(*key, course.asked))
+            within = min(max(course.given, limit.low), limit.high)
+            if within != course.given and not math.isnan(within):
+                course.given = within
+                given[key] = self._converter.raw_of(*key, within)
+        return given
+
+    def _rein(self, key: Key, course: _Course, now: float) -> bool:
+        """Take the set point of a joint back to what it can follow; return whether the joint is on its way."""
+        if key not in self._under_way:
+            bounds = self._converter.reach(*key, self._pace(key, course), now)
+            if bounds is None or math.isnan(bounds[0]) or bounds[0] <= course.given <= bounds[1]:
+                return False
+            course.given = min(max(course.given, bounds[0]), bounds[1])
+            self._set_under_way(key, now)
+        return True
+
+    def _pace(self, key: Key, course: _Course) -> float:
+        """Return the speed to keep in counts/s: that of the limit, or of the movement if it is slower."""
+        return min(self.limits.get(key, _NO_LIMIT).rate, course.rate)
+
+    def _set_under_way(self, key: Key, now: float) -> None:
+        if not self._under_way:
+            self._stepped_at = now
+        self._under_way[key] = None
 
     def drop_courses(self, devices: tuple[Any, ...] | None = None) -> None:
         """Drop the courses of the robot, or of some devices, which were stopped."""
@@ -127,11 +172,13 @@ class SetPoints:
         now: float,
         written: float | None = None,
         resumed: Collection[Key] = (),
+        rates: Mapping[Key, float] = _NO_RATES,
     ) -> dict[Key, Any]:
         """Accept requested targets; return those that the driver gets at once.  The others come from ``next_targets``.
 
         ``written`` is the time at which they were written, by the writer's clock; None: now.  ``resumed`` are targets
-        of movements whose writer was held up: they are caught up with like those of a device that was lost.
+        of movements whose writer was held up: they are caught up with like those of a device that was lost.  ``rates``
+        are the speeds of movements that tell theirs.
         """
         given: dict[Key, Any] = {}
         for key, raw in values.items():
@@ -143,13 +190,14 @@ class SetPoints:
                 course = self._courses[key] = _Course()
             limit = self.limits.get(key)
             wanted = float(raw) if limit is None else self._apply_limit(key, course, limit, raw)
-            held_up = key in resumed and course.speed() > 0
+            course.rate = rates.get(key, math.inf)
+            held_up = key in resumed and course.speed() > 0 and course.rate == math.inf
             course.add_target(wanted, now, now if written is None else written, held_up)
             if held_up:
                 self._start_catch_up(key, course, now)
             if key in self._under_way:
                 continue
-            if limit is not None and limit.rate < math.inf and self._start_ramp(key, course, now):
+            if self._pace(key, course) < math.inf and self._start_ramp(key, course, now):
                 continue
             course.given = wanted
             given[key] = raw if limit is None else self._raw_value(key, raw, wanted)
@@ -216,11 +264,17 @@ class SetPoints:
             if math.isnan(course.given) and not self._begin_at_position(key, course):
                 continue
             way = course.asked - course.given
-            pace = self.limits.get(key, _NO_LIMIT).rate
+            pace = self._pace(key, course)
             if course.returning:
                 pace = min(pace, course.speed() or abs(way) / CATCH_UP_S)
             reach = pace * elapsed if elapsed else 0.0
-            course.given = course.asked if abs(way) <= reach else course.given + math.copysign(reach, way)
+            step = course.asked if abs(way) <= reach else course.given + math.copysign(reach, way)
+            bounds = self._converter.reach(*key, pace, now) if pace < math.inf else None
+            if bounds is not None:
+                if math.isnan(bounds[0]):
+                    continue
+                step = min(max(step, bounds[0]), bounds[1])
+            course.given = step
             given[key] = self._converter.raw_of(*key, course.given)
             if course.given == course.asked:
                 course.returning = False
@@ -254,9 +308,7 @@ class SetPoints:
         if place is None:
             return
         course.given, course.returning = place, True
-        if not self._under_way:
-            self._stepped_at = now
-        self._under_way[key] = None
+        self._set_under_way(key, now)
 
     def _begin_at_position(self, key: Key, course: _Course) -> bool:
         """Begin a course whose position was unknown at the position; False if that is still unknown."""
@@ -266,16 +318,19 @@ class SetPoints:
 
     def _start_ramp(self, key: Key, course: _Course, now: float) -> bool:
         """Start a ramp to a target; False if it is reached already."""
-        place = self._converter.pose(*key)
-        if math.isnan(course.given) or (place is not None and math.isnan(place)):
+        place, pace = self._converter.pose(*key), self._pace(key, course)
+        bounds = None if place is None else self._converter.reach(*key, pace, now)
+        if bounds is not None:
+            # In the middle, it pushes as hard as it does now: a joint that carries a weight does not give way.
+            begin = sum(bounds) / 2 if math.isnan(course.given) else course.given
+            course.given = min(max(begin, bounds[0]), bounds[1])
+        elif place is None or math.isnan(course.given) or math.isnan(place):
             # A speed begins at rest.
-            course.given = 0.0 if place is None else place
-        elif place is not None and abs(place - course.given) > self.limits[key].rate * LIVE_TIMEOUT_S:
+            course.given = (0.0 if math.isnan(course.given) else course.given) if place is None else place
+        elif abs(place - course.given) > pace * LIVE_TIMEOUT_S:
             # It was moved by something else: a ramp that began at the last target would send it there at full speed.
             course.given = place
         if course.given == course.asked:
             return False
-        if not self._under_way:
-            self._stepped_at = now
-        self._under_way[key] = None
+        self._set_under_way(key, now)
         return True

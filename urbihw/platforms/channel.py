@@ -7,6 +7,7 @@ write without an origin is a setting.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final, Protocol
 
@@ -57,7 +58,7 @@ class DeviceChannel:
     def __init__(self, send: Callable[[ToWorker], None], motion: Motion) -> None:
         self._send = send
         self._motion = motion
-        self._targets: dict[tuple[Any, str], tuple[Any, Origin | None]] = {}
+        self._targets: dict[tuple[Any, str], tuple[Any, Origin | None, float]] = {}
         self._written: dict[tuple[Any, str], tuple[Origin | None, float, float]] = {}
         self._writers: dict[Any, tuple[str, int, int]] = {}
         self._outbox: list[ToWorker] = []
@@ -73,11 +74,17 @@ class DeviceChannel:
         """Return the origin of a write at this moment, for a warning to its client."""
         return self._motion.origin()
 
-    def set_target(self, device: Any, item: str, raw: Any, origin: Origin | None = None) -> None:
-        """Write an item with the next tick; the last write of a round wins, and an unchanged value is not sent."""
+    def set_target(
+        self, device: Any, item: str, raw: Any, origin: Origin | None = None, scale: float = math.inf
+    ) -> None:
+        """Write an item with the next tick; the last write of a round wins, and an unchanged value is not sent.
+
+        ``scale`` is how many counts of the item are one unit of the slot: the pace of a movement is sent in counts; inf
+        if the worker need not keep it.
+        """
         if device in self.blocked:
             return
-        self._targets[device, item] = raw, origin
+        self._targets[device, item] = raw, origin, math.inf if origin is None else origin.pace * abs(scale)
         if self.check_target is not None:
             self.check_target(device, item, raw)
 
@@ -119,12 +126,13 @@ class DeviceChannel:
         if self._targets:
             targets, self._targets = self._targets, {}
             live = self._motion.is_live
-            values = {key: raw for key, (raw, origin) in targets.items() if origin is None or live(origin, key[0])}
+            values = {key: raw for key, (raw, origin, _) in targets.items() if origin is None or live(origin, key[0])}
             if values:
                 self._tell_writers({key[0]: origin for key in values if (origin := targets[key][1]) is not None})
                 now = self._motion.now()
                 resumed = frozenset(key for key in values if self._was_held_up(key, targets[key][1], now))
-                self._send(Targets(values, self._motion.epoch, now, resumed))
+                rates = {key: rate for key in values if (rate := targets[key][2]) < math.inf}
+                self._send(Targets(values, self._motion.epoch, now, resumed, rates))
         if self._outbox:
             outbox, self._outbox = self._outbox, []
             for message in outbox:

@@ -15,6 +15,7 @@ from urbihw_fakes.dynamixel.unit import Unit
 from urbihw_fakes.dynamixel.xseries import XSeries
 from urbihw_fakes.dynamixel.xtables import STEPS
 from urbihw_fakes.errors import UnknownRequest
+from urbihw_fakes.feetech.servo import FeetechServo
 
 SENSOR = 100
 SHOWN = ("present_position", "ir_left", "ir_center", "ir_right")  # in the brief state
@@ -30,6 +31,8 @@ def commands(kit: Bioloid, clock: Callable[[], float]) -> dict[str, Command]:
         "sound": Command("LEVEL [ID]", "set the level of the microphone, 0..255, silence is 128", actions.sound),
         "remocon": Command("WORD [ID]", "receive a remote-control word", actions.remocon),
         "load": Command("ID TORQUE", "push a servo, -1..1 of stall torque, positive counter-clockwise", actions.load),
+        "hold": Command("ID", "hold a servo by hand: its horn does not turn", actions.hold),
+        "let": Command("ID", "let a servo go that is held by hand", actions.let_go),
         "temperature": Command("ID CELSIUS|free", "fix the temperature, or release it", actions.temperature),
         "voltage": Command("VOLTS [ID]", "set the supply voltage of all units or one", actions.voltage),
         "connect": Command("NUMBER...|all", "plug in only these units, counted from 1", actions.connect),
@@ -101,6 +104,23 @@ class _Actions:
             unit.motor.load = torque
         else:
             raise UnknownRequest(f"load {words[0]}: not a servo")
+        return "ok"
+
+    def hold(self, words: list[str]) -> str:
+        return self._set_held(words[0], True)
+
+    def let_go(self, words: list[str]) -> str:
+        return self._set_held(words[0], False)
+
+    def _set_held(self, word: str, held: bool) -> str:
+        unit = self._kit[int(word)]
+        unit.tick(self._clock())
+        if isinstance(unit, XSeries | FeetechServo):
+            unit.motor.held = held
+        elif isinstance(unit, Ax12 | Shaft):
+            unit.held = held
+        else:
+            raise UnknownRequest(f"hold {word}: not a servo")
         return "ok"
 
     def temperature(self, words: list[str]) -> str:

@@ -101,6 +101,7 @@ class Ax12(Unit1):
         self.speed = 0.0  # positions/s
         self.drive = 0.0  # -1..1
         self.load = 0.0
+        self.held = False
         self.volts = NOMINAL_VOLTS
         self.celsius = AMBIENT
         self.held_celsius: float | None = None
@@ -249,7 +250,7 @@ class Ax12(Unit1):
             else:
                 push -= FRICTION if push > 0 else -FRICTION
             self.speed += (push * full - self.speed) * (STEP / TIME_CONSTANT)
-            if abs(self.speed) < 1e-3:
+            if abs(self.speed) < 1e-3 or self.held:
                 self.speed = 0.0
             self.drive = drive
             self.position = self._bounded(self.position + self.speed * STEP)

@@ -1,8 +1,8 @@
 """Servos of the families in `families`: registers, refusals, and a simple motion.
 
-The motion: a joint goes to its goal at its cruise speed and stands; a wheel turns with its speed; a servo that is
-given a torque, a current or a PWM turns with that share of full speed. There are no forces, no inertia, no heat: the
-AX-12 and the X series (`ax12`, `xseries`) have these.
+The motion: a joint goes to its goal, slower and slower near it, at most at its cruise speed, and stands; a wheel turns
+with its speed; a servo that is given a torque, a current or a PWM turns with that share of full speed. There are no
+forces, no inertia, no heat: the AX-12 and the X series (`ax12`, `xseries`) have these.
 
 Choices where the sheet is silent: a new goal does not switch the torque on (AX does); torque on takes the present
 position as the goal; a goal outside the limits is refused (protocol 1.0: angle limit error, 2.0: data limit error).
@@ -22,6 +22,9 @@ from urbihw_fakes.errors import UnknownRequest
 
 CLOCKWISE = 1024  # bit 10 of speeds, loads and torques of the older tables
 AMBIENT = 32
+STEP = 0.002  # seconds of one step of the physics
+LAG = 0.03  # seconds by which a joint is behind a moving goal
+NEAR = 0.3  # counts from the goal at which it stands
 WATCHDOG_STEP = 0.02  # s
 FAST_BAUDS = {4030: (6_000_000, 10_500_000), 2020: (6_000_000, 10_500_000), 54024: (10_500_000,)}
 DRIVEN, TURNING, POSITIONED = "driven", "turning", "positioned"
@@ -89,12 +92,25 @@ class Shaft(Unit):
         kind = self.kind
         speed = max(-self.full_speed, min(self.full_speed, self.commanded_speed(kind)))
         if kind == POSITIONED:
-            gap = get("goal_position") - self.position
-            self.speed = 0.0 if abs(gap) <= abs(speed) * elapsed else speed if gap > 0 else -speed
-            self.position = self.position + self.speed * elapsed if self.speed else float(get("goal_position"))
+            self._approach(get("goal_position"), abs(speed), elapsed)
         else:
             self.speed = speed
             self.position += speed * elapsed
+
+    def _approach(self, goal: float, cruise: float, elapsed: float) -> None:
+        """Go to a goal: the nearer, the slower, and never faster than the cruise speed."""
+        while elapsed > 0 and self.position != goal:
+            span = min(elapsed, STEP)
+            elapsed -= span
+            gap = goal - self.position
+            pace = min(cruise, abs(gap) / LAG)
+            if abs(gap) < NEAR or pace == 0.0:
+                self.position, self.speed = (goal if pace else self.position), 0.0
+                return
+            self.speed = pace if gap > 0 else -pace
+            self.position += self.speed * span
+        if self.position == goal:
+            self.speed = 0.0
 
     def examine(self, address: int, data: bytes) -> Write | Refusal:
         """Check a write as in `Unit`; a goal must lie within the limits."""

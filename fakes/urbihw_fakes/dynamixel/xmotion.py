@@ -53,13 +53,14 @@ class Profile:
 
 @dataclass(slots=True)
 class Motor:
-    """The geared motor: drive and external torque change speed and position."""
+    """The geared motor: drive and external torque change speed and position, unless the horn is held by hand."""
 
     full_speed: float
     position: float = 0.0
     speed: float = 0.0
     drive: float = 0.0
     load: float = 0.0
+    held: bool = False
 
     def turn(self, drive: float, full_speed: float) -> None:
         """Advance one step with `drive`; `full_speed` is the no-load speed at the present voltage."""
@@ -70,7 +71,7 @@ class Motor:
         else:
             push -= FRICTION if push > 0 else -FRICTION
         self.speed += (push * full_speed - self.speed) * (STEP / TIME_CONSTANT)
-        if abs(self.speed) < 1e-3:
+        if abs(self.speed) < 1e-3 or self.held:
             self.speed = 0.0
         self.position += self.speed * STEP
 

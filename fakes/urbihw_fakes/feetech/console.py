@@ -18,6 +18,8 @@ def commands(bus: FeetechBus, clock: Callable[[], float], names: Mapping[str, in
     return {
         "turn": Command("JOINT DEGREES", "turn the horn by hand (without torque), from where it is", actions.turn),
         "load": Command("JOINT TORQUE", "push a servo, -1..1 of stall torque, positive upwards", actions.load),
+        "hold": Command("JOINT", "hold a servo by hand: its horn does not turn", actions.hold),
+        "let": Command("JOINT", "let a servo go that is held by hand", actions.let_go),
         "temperature": Command("JOINT CELSIUS|free", "fix the temperature, or release it", actions.temperature),
         "voltage": Command("VOLTS [JOINT]", "set the supply voltage of all servos or one", actions.voltage),
         "state": Command("[JOINT]", "show the positions of all, or all registers of one", actions.state),
@@ -42,6 +44,14 @@ class _Actions:
         servo = self._servo(words[0])
         servo.tick(self._clock())
         servo.motor.load = float(words[1])
+        return "ok"
+
+    def hold(self, words: list[str]) -> str:
+        self._servo(words[0]).motor.held = True
+        return "ok"
+
+    def let_go(self, words: list[str]) -> str:
+        self._servo(words[0]).motor.held = False
         return "ok"
 
     def temperature(self, words: list[str]) -> str:

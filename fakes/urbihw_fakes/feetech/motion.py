@@ -52,6 +52,7 @@ class Motor:
         speed: steps/s.
         drive: -1..1.
         load: external torque, fraction of stall torque.
+        held: the horn is held by hand: it does not turn.
         stops: lowest and highest angle that the mechanics allow.
         celsius, held_celsius: temperature, and the value it is fixed at.
     """
@@ -62,6 +63,7 @@ class Motor:
         self.speed = 0.0
         self.drive = 0.0
         self.load = 0.0
+        self.held = False
         self.stops = stops
         self.celsius = AMBIENT
         self.held_celsius: float | None = None
@@ -71,7 +73,7 @@ class Motor:
         self.drive = self._drive(order, span)
         push = self.drive + self.load
         push = 0.0 if abs(push) <= FRICTION else push - (FRICTION if push > 0 else -FRICTION)
-        self.speed = push * self.full_speed
+        self.speed = 0.0 if self.held else push * self.full_speed
         moved = self.speed * span
         if order.kind == "position" and abs(order.goal) <= abs(moved) and moved * order.goal > 0:
             moved = order.goal
@@ -109,9 +111,9 @@ class Motor:
         return max(-order.limit, min(order.limit, drive))
 
     def _is_blocked(self, goal: float) -> bool:
-        """Return whether an end stop is between the horn and the goal, and the horn is at it."""
+        """Return whether the horn is held, or at an end stop that is between it and the goal."""
         low, high = self.stops
-        return (goal > 0 and self.angle >= high) or (goal < 0 and self.angle <= low)
+        return self.held or (goal > 0 and self.angle >= high) or (goal < 0 and self.angle <= low)
 
     def _warm(self, span: float) -> None:
         if self.held_celsius is not None:

@@ -18,7 +18,6 @@ next one. A lost device costs only its pings: a cycle with 5 of 18 lost spends 2
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
@@ -27,7 +26,7 @@ from urbihw.buses.servos import packet, plan
 from urbihw.buses.servos.bus import ServoBus
 from urbihw.buses.servos.device import ServoDevice
 from urbihw.buses.servos.health import Change
-from urbihw.buses.servos.member import FIRED, PLACE, WATCHDOG, BlockQuestion, Member
+from urbihw.buses.servos.member import EFFORTS, FIRED, PLACE, WATCHDOG, BlockQuestion, Member
 from urbihw.buses.servos.plan import Block, Run
 from urbihw.buses.servos.scan import identify
 from urbihw.buses.servos.status import Status, state_of
@@ -268,7 +267,9 @@ class Cycle:
             return
         values = block.unpack(status.params)
         if PLACE in values:
-            member.place, member.place_at = values[PLACE], self.bus.clock.now()
+            member.add_place(values[PLACE], self.bus.clock.now())
+        for name in EFFORTS.keys() & values.keys():
+            member.note_effort(name, values[name])
         if WATCHDOG in values:
             _check_watchdog(member, values, tick)
         if error or member.state:
@@ -289,8 +290,7 @@ class Cycle:
             tick.changes.append((member.device.id, change))
             if change.new == "lost":
                 member.drop_targets()
-                # It may be moved by hand meanwhile.
-                member.place, member.place_at = None, -math.inf
+                member.forget_place()
 
     # The lost.
 

@@ -44,6 +44,7 @@ from urbihw.buses.servos.stop import (
     StopPatrol,
     execute_pending_stops,
     full_stop,
+    hold_here,
     read_position_goal,
     safe_stop,
     stop_what_moves,
@@ -189,6 +190,8 @@ class ServoDriver(Driver):
         refused: list[FromWorker] = []
         for (device, item), raw in message.values.items():
             try:
+                if self.regains_force(device, item, raw):
+                    hold_here(self._cycle.bus, self._cycle.members[device])
                 self._cycle.set_target(device, item, raw)
             except BadValue as error:
                 refused.append(Refused(device, item, str(error)))
@@ -272,9 +275,14 @@ class ServoDriver(Driver):
         return explain_writes(member, _steps_of(request), request.verb == "write", limits)
 
     def leaves_place(self, request: Request) -> bool:
-        """Torque, mode and restart; until then its goal is where it was sent last."""
+        """Torque, mode, restart and the end of an effort of 0; until then its goal is where it was sent last."""
         member = self._table_member(request.device)
         return request.verb == "reboot" or (member is not None and leaves_place(member, _steps_of(request)))
+
+    def regains_force(self, device: Any, item: str, value: Any) -> bool:
+        """A register of `EFFORTS` was 0: the joint goes on from where it is, as after torque on."""
+        member = self._table_member(device)
+        return member is not None and member.regains_force(item, value)
 
     def _table_member(self, device: Any) -> Member | None:
         """Return a member with a control table."""
@@ -285,8 +293,19 @@ class ServoDriver(Driver):
         """The present position as last read, for the goal position; nan before that."""
         if item != GOAL:
             return None
+        if self._cycle is None or device not in self._cycle.members:
+            return math.nan
+        member = self._cycle.members[device]
+        member.follow(self._cycle.bus.clock.now())
+        return math.nan if member.place is None else member.place
+
+    def reach(self, device: Any, item: str, pace: float, now: float) -> tuple[float, float] | None:
+        """Bounds for the goal of a joint, around the position as last read: see `Follower`."""
         member = None if self._cycle is None else self._cycle.members.get(device)
-        return math.nan if member is None or member.place is None else member.place
+        if item != GOAL or member is None:
+            return None
+        member.follow(now)
+        return member.follower.reach(math.nan if member.place is None else member.place, now - member.place_at, pace)
 
     def signed(self, device: Any, item: str, raw: Any) -> float:
         """The speed of an AX wheel has its direction in a bit."""
@@ -474,6 +493,8 @@ def _write(bus: ServoBus, member: Member, name: str, wanted: Any) -> int:
         wanted = read_position_goal(bus, member)
     value = int(wanted)
     check_line(name, value)
+    if member.regains_force(name, value):
+        hold_here(bus, member)
     if value and member.must_arm_watchdog(name):
         _write(bus, member, WATCHDOG, WATCHDOG_COUNTS)
     try:
@@ -482,7 +503,22 @@ def _write(bus: ServoBus, member: Member, name: str, wanted: Any) -> int:
         if isinstance(error, LinkGone) or item.unpack(bus.read(member.device.id, item.address, item.size)) != value:
             raise
     member.record_write(item.name, value)
+    if name == TORQUE and value:
+        _read_goal(bus, member)
     return value
+
+
+def _read_goal(bus: ServoBus, member: Member) -> None:
+    """Look up the goal that a servo has taken by itself with its torque: the error from it is what it carries."""
+    item = member.table.items.get(GOAL)
+    if item is None:
+        return
+    try:
+        member.written[GOAL] = item.unpack(bus.read(member.device.id, item.address, item.size))
+    except LinkGone:
+        raise
+    except BusError:
+        return
 
 
 def describe_devices(devices: Iterable[DeviceInfo]) -> str:

@@ -130,6 +130,8 @@ class ControlTable:
         eeprom_lock: the item that must be 0 for a write of the EEPROM to be kept, "" for none.
         sync_read: devices of this table answer SYNC READ.
         hardware_errors: bit of the item "hardware_error" -> what it means.
+        follows: how a joint follows its goal: seconds by which it is late, and the error in rad with which it pushes as
+            hard as it can; see `following`.
     """
 
     name: str
@@ -142,6 +144,7 @@ class ControlTable:
     eeprom_lock: str = ""
     sync_read: bool = False
     hardware_errors: Mapping[int, str] = field(default_factory=dict)
+    follows: tuple[float, float] = (0.03, 0.17)
 
     def item(self, name: str) -> Item:
         """Return an item by name, or by place: "@30:2" is 2 bytes from address 30. Raises BadValue naming the table.

@@ -16,9 +16,11 @@ from typing import Final
 from urbihw.buses.errors import BadValue
 from urbihw.buses.servos import packet
 from urbihw.buses.servos.device import ServoDevice
+from urbihw.buses.servos.following import Follower
 from urbihw.buses.servos.health import Health
 from urbihw.buses.servos.item import ControlTable, ShaftMotion, is_place
 from urbihw.buses.servos.plan import TORQUE, Block, read_blocks
+from urbihw.buses.servos.units import unit_of
 
 PLACE: Final = "present_position"
 GOAL: Final = "goal_position"
@@ -27,6 +29,13 @@ WATCHDOG_COUNTS: Final = 25
 """In units of 20 ms: a turning servo of the X series stops after half a second without an instruction."""
 WATCHDOG_CHECK_PERIOD_S: Final = 0.2
 """Seconds between two readings of an armed watchdog; the reading also resets it."""
+EFFORTS: Final = {
+    "torque_limit": "", "position_p_gain": "", "p_gain": "", "goal_pwm": "pwm_limit", "goal_current": "current_limit",
+}
+"""Registers without which a joint has no force: while one of them is 0, it is as limp as without torque -> the register
+that a model must have for it; without that, the register counts in another mode only."""
+FOLLOW_S: Final = 0.3
+"""Seconds for which the position of a joint is read with each tick after its goal was bound to it."""
 FIRED: Final = -1
 """The watchdog's value after it has stopped the servo; the servo accepts no goals until 0 is written."""
 
@@ -62,6 +71,8 @@ class Member:
         place_at: time of that reading.
         state: the lasting error bits of its answers as last reported.
         armed: its bus watchdog is running.
+        follower: how its shaft follows its goal.
+        limp_by: the registers of EFFORTS that are 0.
     """
 
     def __init__(self, device: ServoDevice) -> None:
@@ -76,6 +87,9 @@ class Member:
         self.place_at = -math.inf
         self.state = 0
         self.armed = device.setup.get(WATCHDOG, 0) > 0
+        self.limp_by: set[str] = set()
+        self._followed_until = -math.inf
+        self.follower = Follower(*self._follows())
         self._watchdog_check_due = 0.0
         self._schedules: list[_ReadSchedule] = []
         self._questions: dict[tuple[str, ...], tuple[BlockQuestion, ...]] = {}
@@ -111,8 +125,43 @@ class Member:
         self.armed = device.setup.get(WATCHDOG, 0) > 0
         if device.table is not self._table:
             self._table = device.table
+            self.follower = Follower(*self._follows())
             self._questions.clear()
             self._schedules.clear()
+
+    def _follows(self) -> tuple[float, float]:
+        """Return how it follows its goal: see `Follower`."""
+        if self._table is None or PLACE not in self._table.items:
+            return 0.0, 0.0
+        lag, full = self._table.follows
+        unit = unit_of(self._table.items[PLACE])
+        return lag, full / abs(unit.to_si(1) - unit.to_si(0))
+
+    def follow(self, now: float) -> None:
+        """Read its position with each tick from now on: its goal is bound to it."""
+        self._followed_until = now + FOLLOW_S
+
+    def note_effort(self, name: str, raw: int) -> None:
+        """Take a value of a register of EFFORTS, as written or as read."""
+        if raw:
+            self.limp_by.discard(name)
+        elif EFFORTS[name] in ("", *self.table.items):
+            self.limp_by.add(name)
+
+    def regains_force(self, name: str, raw: object) -> bool:
+        """Return whether a write gives a limp joint its force back: it may have been turned since its last goal."""
+        mode = self.device.mode
+        return bool(raw) and name in self.limp_by and (mode is None or mode.motion is ShaftMotion.POSITION)
+
+    def add_place(self, place: int, now: float) -> None:
+        """Take a measured position."""
+        self.place, self.place_at = place, now
+        self.follower.add_reading(place, now, self.written.get(GOAL))
+
+    def forget_place(self) -> None:
+        """Its position is unknown: it may be moved by hand meanwhile."""
+        self.place, self.place_at = None, -math.inf
+        self.follower.forget()
 
     def set_target(self, name: str, raw: int) -> None:
         """Set a target for the next tick. Raises BadValue for an item or a value that cannot be a target."""
@@ -146,6 +195,8 @@ class Member:
             self.moved = any(map(self.moves, self.pending))
         # Kept apart from `written`: a stop clears that, while the watchdog keeps running.
         self.armed = self.armed or bool(self.pending.pop(WATCHDOG, 0))
+        for name in EFFORTS.keys() & self.pending.keys():
+            self.note_effort(name, self.pending[name])
         self.written.update(self.pending)
         self.pending.clear()
 
@@ -154,8 +205,11 @@ class Member:
         if self.moves(name):
             self.moved, self.stop_pending = True, False
         elif name == TORQUE and not raw:
+            self.follower.forget()
             # It is limp: a stop has nothing to hold, and on AX servos to write a goal would switch the torque on.
             self.moved = self.stop_pending = False
+        if name in EFFORTS:
+            self.note_effort(name, raw)
         self.written[name] = raw
         self.pending.pop(name, None)
         if name == WATCHDOG:
@@ -217,6 +271,8 @@ class Member:
                 if rhythm.due <= now:
                     # Late: continue from now; catching up on missed readings gives no fresher values.
                     rhythm.due = now + rhythm.period
+        if now < self._followed_until and PLACE not in names:
+            names = (*names, PLACE)
         if self.armed and self._watchdog_check_due <= now + tolerance:
             # At the same tick for all devices, so that one group read asks them together.
             period = WATCHDOG_CHECK_PERIOD_S

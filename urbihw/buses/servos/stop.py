@@ -86,6 +86,20 @@ class StopPatrol:
         stop_what_moves(cycle, joints[begin : self._turn])
 
 
+def hold_here(bus: ServoBus, member: Member) -> None:
+    """Make the present position the goal of a joint that is about to get its force back. Raises LinkGone.
+
+    The torque goes off and on while it is limp: a servo with a profile would else come back from the old goal.
+    """
+    member.pending.pop(GOAL, None)
+    if _read_position(bus, member):
+        goal = _hold_goal(member)
+        for values in ({TORQUE: 0}, {TORQUE: 1}, goal):
+            _write(bus, [member], {member.device.id: values})
+        member.written.update(goal)
+        member.follower.forget()
+
+
 def execute_pending_stops(cycle: Cycle) -> None:
     """Execute the pending stops of joints that answer again. Raises LinkGone."""
     pending = [member for member in cycle.motors() if member.stop_pending and member.health.state == "ok"]
@@ -173,10 +187,10 @@ def _read_position(bus: ServoBus, member: Member) -> bool | None:
     try:
         if not torque.unpack(bus.read(member.device.id, torque.address, torque.size)):
             return False
-        member.place = present.unpack(bus.read(member.device.id, present.address, present.size))
+        place = present.unpack(bus.read(member.device.id, present.address, present.size))
     except (BusTimeout, BadFrame, DeviceRefused):
         return None
-    member.place_at = bus.clock.now()
+    member.add_place(place, bus.clock.now())
     return True
 
 
@@ -197,6 +211,6 @@ def _within_limits(member: Member, place: int) -> int:
 def read_position_goal(bus: ServoBus, member: Member) -> int:
     """Read the position of a servo and return it as a goal, within the limits. Raises as `bus.read`."""
     present = member.table.item(PLACE)
-    member.place = present.unpack(bus.read(member.device.id, present.address, present.size))
-    member.place_at = bus.clock.now()
-    return _within_limits(member, member.place)
+    place = present.unpack(bus.read(member.device.id, present.address, present.size))
+    member.add_place(place, bus.clock.now())
+    return _within_limits(member, place)

@@ -82,7 +82,8 @@ def explain_writes(member: Member, steps: Iterable[Step], raw_write: bool, limit
 
 def leaves_place(member: Member, steps: Iterable[Step]) -> bool:
     """Return whether the servo may be elsewhere than at its last target after these writes: torque or mode changed."""
-    return any(name == TORQUE or name in member.table.mode_items for name, _ in steps)
+    modes = member.table.mode_items
+    return any(name == TORQUE or name in modes or member.regains_force(name, raw) for name, raw in steps)
 
 
 def _explain_raw(name: str, raw: Any, rule: Limit) -> str:

@@ -15,6 +15,7 @@ device (manual, section 4.1.1).  For a slot without a device, only movements are
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -38,20 +39,23 @@ class Cancelled(Exception):
 
 
 class Movement:
-    """A movement in progress; ``value`` is its present value."""
+    """A movement in progress; ``value`` is its present value, ``pace`` its highest speed in units per second."""
 
-    __slots__ = ("_blender", "cancelled", "job", "value")
+    __slots__ = ("_blender", "cancelled", "job", "pace", "value")
 
     def __init__(self, blender: Blender, job: Job) -> None:
         self._blender = blender
         self.job = job
         self.value: float | None = None
+        self.pace = math.inf
         self.cancelled = False
 
     def write(self, value: float) -> None:
         """Set the value of the movement.  Raises Cancelled, and the errors of the blender's guard."""
         if self.cancelled:
             raise Cancelled
+        if self.job.movement is not None:
+            self.job.movement = self.job.movement[0], self._blender.pace_of(self)
         self._blender.admit(value)
         self.value = value
         self._blender.apply(value)
@@ -126,6 +130,10 @@ class Blender:
         """Write the blended value, after a movement has changed its value."""
         self._put(self._blended([]) if self.mode in ("mix", "add") else value)
 
+    def pace_of(self, movement: Movement) -> float:
+        """The highest speed of what is written for a movement: blended ones are no faster than all of them together."""
+        return sum(each.pace for each in self._movements) if self.mode in ("mix", "add") else movement.pace
+
     def _blended(self, more: list[float]) -> float:
         since = self._since()
         # A movement of a stopped statement may not have had its turn to end yet: its value no longer counts.
@@ -182,13 +190,15 @@ def check_end(world: World, target: Value, name: str) -> None:
         accessor.check_end()
 
 
-def find_blending(world: World, target: Value, name: str) -> tuple[dict[str, Any], Blender | None]:
-    """The properties of the slot that a movement will write, and its blender."""
+def find_blending(world: World, target: Value, name: str) -> tuple[dict[str, Any], Blender | None, Any]:
+    """The properties of the slot that a movement will write, its blender, and the variable behind the slot."""
     holder = world.peek_obj(target).find(name)
     meta = None if holder is None else peek_meta(holder, name)
-    if meta is None or not meta.properties:
-        return {}, None
+    if meta is None:
+        return {}, None, None
     accessor: Any = meta.accessor
+    if not meta.properties:
+        return {}, None, accessor
     if accessor is not None:
-        return meta.properties, accessor.blender() if hasattr(accessor, "blender") else None
-    return meta.properties, blender_of(world, meta, lambda value: world.update_slot(target, name, value))
+        return meta.properties, accessor.blender() if hasattr(accessor, "blender") else None, accessor
+    return meta.properties, blender_of(world, meta, lambda value: world.update_slot(target, name, value)), None

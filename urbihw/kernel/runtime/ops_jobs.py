@@ -98,10 +98,10 @@ def time_verbs(world: World) -> dict[str, Any]:
             target.distribute(value, lambda member, share: move_slot(member, name, share, attributes))
             return
         read = world.ops.send0
-        properties, blender = find_blending(world, target, name)
+        properties, blender, variable = find_blending(world, target, name)
         Trajectory(
             world, lambda: read(target, name), lambda v: world.update_slot(target, name, v), value, attributes,
-            properties, blender,
+            properties, blender, variable,
         ).run()
         check_end(world, target, name)
 

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
-from urbihw.kernel.runtime.blend import Blender
+from urbihw.kernel.runtime.blend import Blender, Movement
 from urbihw.kernel.value import Value
 
 if TYPE_CHECKING:
@@ -33,6 +33,11 @@ MIN_LEAD = 0.25
 """Minimum distance that the written value may be ahead of the device, as a share of the whole distance: motors do not
 react to the small errors of a slow movement."""
 _CLOSE = 1e-9
+_PACE_SHARE = 1.05
+"""How much faster than its curve a movement may be while it makes up for values that arrived late; a body then stays
+within a tenth of the speed that was asked for."""
+_BEGIN_S = 1.0
+"""Seconds in which a sine wave may be led from where its variable is to where it begins."""
 
 
 class SlotLimits:
@@ -81,11 +86,14 @@ class Trajectory:
         attributes: dict[str, Any],
         properties: Mapping[str, Any] | None = None,
         blender: Blender | None = None,
+        variable: object = None,
     ) -> None:
+        """``variable``: what is behind the slot, if the values go into it as they are."""
         self._world = world
         self._read = read
         self._write = write
         self._blender = blender
+        self._variable = variable
         self._limits = SlotLimits(properties or {})
         self._target = self._finite(self._limits.inside(self._number(target, "")))
         self._attributes = attributes
@@ -98,6 +106,7 @@ class Trajectory:
         self._parameter = self._number(attributes[self._kind], self._kind) if kinds else 0.0
         self._check_parameter()
         self._period = world.period
+        self._movement: Movement | None = None
         self._written: float | None = None
         """The value that a closed loop wrote and the variable does not have yet."""
         self._pace = 0.0
@@ -111,9 +120,29 @@ class Trajectory:
         with self._blender.movement() as movement:
             if movement is not None:
                 self._write = movement.write
+                self._movement = movement
                 self._move()
 
     def _move(self) -> None:
+        job = self._world.scheduler.running()
+        before = job.movement
+        try:
+            self._write_all()
+        finally:
+            job.movement = before
+
+    def _set_pace(self, speed: float) -> None:
+        """Declare the highest speed of the movement.
+
+        A device keeps it, however late the values arrive: a neighbour may hold the interpreter for a second, and the
+        next value is then far ahead.
+        """
+        speed = max(speed * _PACE_SHARE, _CLOSE)
+        if self._movement is not None:
+            self._movement.pace = speed
+        self._world.scheduler.running().movement = self._variable, speed
+
+    def _write_all(self) -> None:
         if self._adaptive and self._kind == "time":
             self._closed_time(self._parameter)
         elif self._adaptive and self._kind == "speed":
@@ -121,32 +150,39 @@ class Trajectory:
         elif not self._kind:
             self._closed()
         else:
-            curve, length = self._curve()
+            curve, length, speed = self._curve()
+            self._set_pace(min(speed, self._limits.speedmax))
             self._follow(curve, length)
 
     # ---------------------------------------------------------------- open loop
 
-    def _curve(self) -> tuple[Curve, float]:
+    def _curve(self) -> tuple[Curve, float, float]:
+        """The value over time, its duration in seconds, and its highest speed per second."""
         parameter, target = self._parameter, self._target
         if self._kind in ("sin", "cos"):
             amplitude = self._finite(self._number(self._attributes.get("ampli", 0.0), "ampli"))
             phase = self._finite(self._number(self._attributes.get("phase", 0.0), "phase"))
             wave = math.sin if self._kind == "sin" else math.cos
-            return lambda t: target + amplitude * wave(2 * math.pi * t / parameter + phase), math.inf
+            speed = abs(2 * math.pi * amplitude / parameter)
+            way = abs(target + amplitude * wave(phase) - self._world.as_float(self._read(), 1, "-"))
+            if way < math.inf:  # not for nan
+                speed = max(speed, way / _BEGIN_S)
+            return lambda t: target + amplitude * wave(2 * math.pi * t / parameter + phase), math.inf, speed
         start = self._finite(self._number(self._read(), "-"))
         way = target - start
         if self._kind == "accel":
             if way * parameter < 0 or (parameter == 0 and way != 0):
                 raise errors.primitive("argument has to be positive", "sqrt")
             length = math.sqrt(2 * way / parameter) if way else 0.0
-            return lambda t: start + parameter * t * t / 2, length
+            return lambda t: start + parameter * t * t / 2, length, abs(parameter) * length
         if self._kind == "speed":
             parameter = abs(way) / parameter
         if self._kind == "smooth":
             length = self._limits.length(parameter, abs(way) * math.pi / 2)
-            return lambda t: start + way * (1 - math.cos(math.pi * t / length)) / 2, length
+            speed = abs(way) * math.pi / 2 / length if length > 0 else math.inf
+            return lambda t: start + way * (1 - math.cos(math.pi * t / length)) / 2, length, speed
         length = self._limits.length(parameter, abs(way))
-        return lambda t: start + way * t / length, length
+        return lambda t: start + way * t / length, length, abs(way) / length if length > 0 else math.inf
 
     def _follow(self, curve: Curve, length: float) -> None:
         limits = self._limits
@@ -181,6 +217,8 @@ class Trajectory:
                 if left > _CLOSE:
                     self._world.scheduler.sleep(left)
                 return
+            if not t:
+                self._set_pace(abs(way) / left)
             self._pace = abs(way) / left
             self._write_found(value + way * self._period / left)
 
@@ -188,6 +226,7 @@ class Trajectory:
         speed = self._limits.speed(speed)
         reach = speed * self._period
         self._pace = speed
+        self._set_pace(speed)
         for _, value in self._found():
             way = self._target - value
             if abs(way) <= reach + _CLOSE:

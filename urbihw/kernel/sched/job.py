@@ -7,6 +7,7 @@ Jobs are cooperative: a job runs until it calls ``Scheduler.yield_``, ``sleep`` 
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import inf
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
@@ -46,6 +47,7 @@ class Job:
         "group",
         "held",
         "name",
+        "movement",
         "on_end",
         "charged_context",
         "pending",
@@ -82,10 +84,18 @@ class Job:
         self.shift = 0.0
         self.group: Group | None = None
         self.on_end: list[Callable[[Job], None]] | None = None
+        self.movement: tuple[object, float] | None = None
+        """The variable that the job moves at present by a trajectory, and the highest speed of that, in units per
+        second; written by the trajectory."""
         self.face: Any = None
         self.charged_context = context
         """The context in whose number of jobs this job counts; it stays the same when ``context`` changes for a
         while."""
+
+    def pace_of(self, variable: object) -> float:
+        """Return the highest speed at which the job moves a variable, in units per second; inf for single writes."""
+        movement = self.movement
+        return movement[1] if movement is not None and movement[0] is variable else inf
 
     def main(self) -> None:
         """Run the body (in a carrier), and report the end to the scheduler."""

@@ -58,7 +58,8 @@ class Effector:
         # A weak reference is no other job's, as a place in memory may be when the job has ended.
         statement = None if frame is None or job is None else (weakref.ref(job), frame.f_code, frame.f_lasti)
         known = self.origin if statement == self._statement else None
-        self.origin = self._motion.admit(self.device, known, statement)
+        pace = math.inf if job is None else job.pace_of(self._var)
+        self.origin = self._motion.admit(self.device, known, statement, pace)
         self._statement = statement
         self._face.wrote(self, wanted, value)
 

@@ -19,8 +19,9 @@ They are also stopped when the client closes its sending side, because it then c
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from urbihw.kernel import errors
@@ -50,6 +51,7 @@ class Origin:
         time: time of the statement's first write to this effector, in seconds of the kernel's clock.
         lease: the lobby, None for the robot itself.
         mark: distinguishes writes before a stop of a single device from writes after it.
+        pace: the highest speed of the movement that writes, in units of its slot per second; inf for a plain write.
     """
 
     epoch: int
@@ -59,6 +61,7 @@ class Origin:
     time: float
     lease: Any = None
     mark: int = 0
+    pace: float = math.inf
 
     def __str__(self) -> str:
         tag = f", tag {self.tag}" if self.tag else ""
@@ -180,17 +183,22 @@ class Motion:
         """The running job."""
         return self._world.scheduler.current
 
-    def admit(self, device: Hashable, last: Origin | None = None, statement: object = None) -> Origin:
+    def admit(
+        self, device: Hashable, last: Origin | None = None, statement: object = None, pace: float = math.inf
+    ) -> Origin:
         """Check a write of the running job to an effector of ``device``, and return the origin of the write.
 
-        ``last`` is reused if it belongs to the same ``statement``.  Raises an urbiscript error when the statement began
-        before the last stop, an emergency stop is active, or the client has disconnected.
+        ``last`` is reused if it belongs to the same ``statement``; ``pace`` is that of the movement.  Raises an
+        urbiscript error when the statement began before the last stop, an emergency stop is active, or the client has
+        disconnected.
         """
         self.check()
         self.check_device(device)
         origin = last
         if origin is None or statement is None or origin.epoch != self.epoch or origin.mark < self.since(device):
             origin = self.origin()
+        if origin.pace != pace:
+            origin = replace(origin, pace=pace)
         if not self._lease_lasts(origin):
             gone = f"the connection of {origin.client} is closed on its side"
             raise errors.MovementRefused(f"{gone}, so it cannot move {self._name}")

@@ -149,7 +149,7 @@ class ServoDrive(EffectorDevice):
         if off := self.explain_off():
             raise ValueError(off)
         raw = max(-most, min(most, round(value / coefficient)))
-        self._channel.set_target(self.number, item, raw, guard.origin)
+        self._channel.set_target(self.number, item, raw, guard.origin, 1 / coefficient)
 
     def _write_in_units(self, guard: Effector, var: UVar, item: str, coefficient: UVar) -> None:
         self._write_target(guard, var, item, coefficient.value)

@@ -65,7 +65,7 @@ class NaoJoint(EffectorDevice, MeasuredDevice):
 
     def _write(self) -> None:
         if not self.explain_off():
-            self._channel.set_target(self.device, "angle", number(self.val), self._guard.origin)
+            self._channel.set_target(self.device, "angle", number(self.val), self._guard.origin, 1.0)
 
     def _write_load(self) -> None:
         stiffness = number(self.load)

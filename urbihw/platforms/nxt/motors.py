@@ -141,7 +141,7 @@ class NxtServo(PortDevice, EffectorDevice):
             raise ValueError("there is no such position")
         self.brick.end_path(self)
         self.speed.sense(0.0)
-        self.set_target("goal", degrees, guard.origin)
+        self.set_target("goal", degrees, guard.origin, 1.0)
 
     def _nearest(self, degrees: float) -> float:
         """Return the position with this angle that is nearest to the present one."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, Final
 
@@ -138,10 +139,10 @@ class PortDevice(UObject):
 
     # ---------------------------------------------------------------- ports
 
-    def set_target(self, item: str, value: Any, origin: Origin | None = None) -> None:
+    def set_target(self, item: str, value: Any, origin: Origin | None = None, scale: float = math.inf) -> None:
         """Set a target of the port, if the device has a port."""
         if self.place is not None:
-            self.brick.channel.set_target(self.place, item, value, origin)
+            self.brick.channel.set_target(self.place, item, value, origin, scale)
 
     def _port_written(self) -> None:
         value = self.port.value

@@ -133,8 +133,14 @@ class ServoMotor(Joint, EffectorDevice):
         if self.switching:
             self._deferred_writes["val"] = origin
         elif self.takes_positions and not self._off:
-            self.channel.set_target(self.number, self.goal, raw, origin)
+            self.channel.set_target(self.number, self.goal, raw, origin, self.goal_scale)
             self._enable_torque(origin)
+
+    @property
+    def goal_scale(self) -> float:
+        """Counts of the goal for 1 rad."""
+        item = self.table.item(self.goal)
+        return 1 / (units.to_si(item, 1) - units.to_si(item, 0))
 
     @property
     def takes_positions(self) -> bool:
@@ -174,7 +180,7 @@ class ServoMotor(Joint, EffectorDevice):
             if self._off:
                 return
             self._enable_torque(origin)
-            self.channel.set_target(self.number, item, raw, origin)
+            self.channel.set_target(self.number, item, raw, origin, self.wheel_scale()[1])
         else:
             self.settings[item] = raw
             self.channel.set_target(self.number, item, raw)

@@ -66,7 +66,7 @@ class SimMotor(EffectorDevice, MeasuredDevice):
 
     def _write_angle(self) -> None:
         if number(self.load):
-            self._surface.channel.set_target(self._name, "position", number(self.angle), self._angle.origin)
+            self._surface.channel.set_target(self._name, "position", number(self.angle), self._angle.origin, 1.0)
 
     def _write_speed(self) -> None:
         if number(self.load):

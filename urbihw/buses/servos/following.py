@@ -1,0 +1,99 @@
+"""How the shaft of a servo follows its goal, and how far the goal may be ahead of it.
+
+A servo turns its error into drive: with an error of `full` it pushes as hard as it can, and without a load it follows
+its goal `lag` seconds late. So a shaft that is let go, with its goal `speed * lag` ahead, turns at `speed`, and not at
+the full speed that the motor has. That is the lead of a moving goal; to it comes what the shaft carries: the error with
+which it holds a weight, or overcomes its friction. It is learnt while the shaft turns, since then the drive agrees with
+what pulls at it, and while it gives way, since then something pulls harder; while something blocks the shaft it never
+grows, so that nothing is wound up against a hand.
+
+Below `BREAKAWAY` of the full error a geared servo does not begin to turn at all, so no lead is smaller; a joint that is
+let go may then be as fast as that error makes it, some 0.3 rad/s, even if less was asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+WINDOW_S: Final = 0.03
+"""Seconds over which the speed of a turning shaft is measured at least: a position is a whole count."""
+STILL_S: Final = 0.2
+"""Seconds after which a shaft that has not moved by MOVED counts stands."""
+STALE_S: Final = 0.3
+"""Seconds without a reading after which the speed is unknown."""
+LEARN_S: Final = 0.1
+"""Seconds in which a turning shaft tells what it carries."""
+LONGEST_GUESS_S: Final = 0.05
+"""Seconds for which a turning shaft is assumed to turn on; later than that its place is that of the last reading."""
+MOVED: Final = 2
+"""Counts that are a motion: a sensor may flicker by one."""
+BREAKAWAY: Final = 0.05
+"""Share of the full error below which a servo may not begin to turn."""
+ROUNDING: Final = 1.0
+"""Counts by which a goal and a reading may be wrong."""
+
+
+class Follower:
+    """One shaft; positions are raw counts, speeds counts per second.
+
+    Attributes:
+        speed: as measured, 0 while it is unknown.
+        still_since: the time at which the shaft was first seen where it is now, nan while it turns or is unknown.
+    """
+
+    def __init__(self, lag: float, full: float) -> None:
+        """`lag` in seconds, `full` in counts."""
+        self._lag = lag
+        self._full = full
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew: the servo was off, or did not answer, and may have been turned by hand."""
+        self.speed = 0.0
+        self.still_since = math.nan
+        self._carried = 0.0
+        self._base: tuple[float, float] | None = None
+
+    def add_reading(self, place: float, at: float, goal: float | None) -> None:
+        """Take a measured position; `goal` is what the servo was told, None if nobody knows."""
+        if self._base is None or at - self._base[1] > STALE_S:
+            self._base, self.speed, self.still_since = (place, at), 0.0, at
+            return
+        before, begun = self._base
+        elapsed = at - begun
+        turns = abs(place - before) >= MOVED
+        if elapsed < (WINDOW_S if turns else STILL_S):
+            return
+        self._base = place, at
+        self.speed = (place - before) / elapsed if turns else 0.0
+        if turns:
+            self.still_since = math.nan
+        elif math.isnan(self.still_since):
+            self.still_since = begun
+        if goal is not None:
+            self._learn(goal - place, turns, elapsed)
+
+    def _learn(self, error: float, turns: bool, elapsed: float) -> None:
+        """Learn from the error of a turning shaft; one that stands can only tell that it carries less."""
+        if turns and error * self.speed < 0:
+            # It gives way: it carries at least what this error pushes with.
+            self._carried = max(self._carried, error) if error > 0 else min(self._carried, error)
+            self._carried = min(max(self._carried, -self._full), self._full)
+        elif turns:
+            carried = self._carried + (error - self.speed * self._lag - self._carried) * min(1.0, elapsed / LEARN_S)
+            self._carried = min(max(carried, -self._full), self._full)
+        elif error >= 0:
+            self._carried = min(max(self._carried, 0.0), error)
+        else:
+            self._carried = max(min(self._carried, 0.0), error)
+
+    def reach(self, place: float, age: float, pace: float) -> tuple[float, float]:
+        """Return the lowest and the highest goal for a shaft that was at `place` some seconds ago.
+
+        `pace` is the highest speed that is wanted.
+        """
+        turned = min(max(self.speed, -pace), pace) * min(age, LONGEST_GUESS_S)
+        middle = place + turned + self._carried
+        lead = max(pace * self._lag, BREAKAWAY * self._full) + ROUNDING
+        return middle - lead, middle + lead
