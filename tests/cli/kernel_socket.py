@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from urbihw.cli import reach
-from urbihw.client import connection
+from urbihw.client import connection, core
 from urbihw.client.credentials import Credentials
 from urbihw.client.where import Where
 from urbihw.kernel import Kernel
@@ -111,6 +111,7 @@ def serve(monkeypatch: pytest.MonkeyPatch, setup: str = "", **options: Any) -> K
     """A kernel in which ``setup`` was run, as the server of the connections made from then on."""
     made = KernelSocket(setup, **options)
     monkeypatch.setattr(socket, "create_connection", lambda address, timeout: made.open())
+    monkeypatch.setattr(core, "monotonic", made.monotonic)
     monkeypatch.setattr(connection, "monotonic", made.monotonic)
     monkeypatch.setattr(connection, "select", SimpleNamespace(poll=lambda: made, POLLIN=select.POLLIN))
     monkeypatch.setattr(reach, "client_sockets", lambda number: [])

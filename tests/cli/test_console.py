@@ -170,18 +170,40 @@ def test_depth_of_a_text() -> None:
 # ---------------------------------------------------------------- the assistant
 
 
-class _Reader:
-    def __init__(self, server: KernelSocket) -> None:
-        self._server = server
+class KernelTransport(asyncio.Transport):
+    """A connection to a kernel in memory, for a protocol of asyncio; it ends when the kernel has nothing to say."""
 
-    async def read(self, size: int) -> bytes:
-        return self._server.recv(size)
+    def __init__(self, server: KernelSocket, protocol: asyncio.Protocol, stays: bool = True) -> None:
+        super().__init__()
+        self._server, self._protocol, self._stays = server, protocol, stays
+        self._open, self._asked = True, False
+        protocol.connection_made(self)
 
+    def write(self, data: Any) -> None:
+        """Send, and have the answer a turn later."""
+        self._server.sendall(bytes(data))
+        if not self._asked:  # what is sent in a turn is answered together: time passes while nothing comes
+            self._asked = True
+            asyncio.get_running_loop().call_soon(self._answer)
 
-class _Writer:
-    def __init__(self, server: KernelSocket) -> None:
-        self.write: Callable[[bytes], None] = server.sendall
-        self.close = server.close
+    def _answer(self) -> None:
+        self._asked = False
+        try:
+            said = self._server.recv(0)
+        except TimeoutError:
+            said = b""
+        if said:
+            self._protocol.data_received(said)
+            if not self._stays:
+                asyncio.get_running_loop().call_soon(self._answer)
+        elif self._open and not self._stays:
+            self.abort()
+
+    def abort(self) -> None:
+        """End the connection."""
+        if self._open:
+            self._open = False
+            self._protocol.connection_lost(None)
 
 
 def asked(
@@ -193,11 +215,10 @@ def asked(
     server.kernel.run_text(user, setup, until=0.0)
     uid = server.kernel.run_text(user, "lobby.uid;", until=0.0).partition('"')[2].rstrip('"\n')
 
-    async def connect(where: Where, who: Credentials) -> tuple[_Reader, _Writer]:
-        server.open()
-        return _Reader(server), _Writer(server)
+    async def connect(where: Where, who: Credentials, factory: Callable[[], asyncio.Protocol]) -> None:
+        KernelTransport(server.open(), factory())
 
-    monkeypatch.setattr("urbihw.cli.console.assistant.open_streams", connect)
+    monkeypatch.setattr("urbihw.client.aio_connection.dial", connect)
     return asyncio.run(question(Assistant(HERE, NOBODY), uid))
 
 
@@ -255,20 +276,20 @@ def test_only_the_foreground_of_the_user_is_interrupted(monkeypatch: pytest.Monk
     uid = server.kernel.run_text(user, "lobby.uid;", until=0.0).partition('"')[2].rstrip('"\n')
     server.kernel.run_text(user, 'every (1s) echo("back"), sleep; echo("never");', until=0.5)
 
-    async def connect(where: Where, who: Credentials) -> tuple[_Reader, _Writer]:
-        return _Reader(server), _Writer(server)
+    async def connect(where: Where, who: Credentials, factory: Callable[[], asyncio.Protocol]) -> None:
+        KernelTransport(server, factory())
 
-    monkeypatch.setattr("urbihw.cli.console.assistant.open_streams", connect)
+    monkeypatch.setattr("urbihw.client.aio_connection.dial", connect)
     asyncio.run(Assistant(HERE, NOBODY).interrupt(uid))
     assert "killing foreground job" in server.kernel.run_text(user, "", until=0.6)
     assert "*** back" in server.kernel.run_text(user, "echo(1);", until=3.0)
 
 
 def test_a_server_that_says_nothing_leaves_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
-    async def connect(where: Where, who: Credentials) -> None:
+    async def connect(where: Where, who: Credentials, factory: Callable[[], asyncio.Protocol]) -> None:
         raise ConnectionRefusedError("refused")
 
-    monkeypatch.setattr("urbihw.cli.console.assistant.open_streams", connect)
+    monkeypatch.setattr("urbihw.client.aio_connection.dial", connect)
     with pytest.raises(NoAnswer, match="refused"):
         asyncio.run(Assistant(HERE, NOBODY).names("0x1", ()))
 
@@ -326,34 +347,18 @@ def test_a_session_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
     events: list[str] = []
     heard: list[bytes] = []
 
-    class Reader(_Reader):
-        async def read(self, size: int) -> bytes:
-            await asyncio.sleep(0)
-            try:
-                return await super().read(size)
-            except TimeoutError:
-                return b""
-
-    class Writer(_Writer):
-        def get_extra_info(self, name: str) -> KernelSocket:
-            return server
-
-        async def wait_closed(self) -> None:
-            pass
-
     attempts = iter([ConnectionRefusedError(111, "Connection refused"), None, None])
 
-    async def connect(where: Where, who: Credentials) -> tuple[Reader, Writer]:
+    async def connect(where: Where, who: Credentials, factory: Callable[[], asyncio.Protocol]) -> None:
         error = next(attempts, asyncio.CancelledError())
         if error is not None:
             raise error
-        server.open()
-        return Reader(server), Writer(server)
+        KernelTransport(server.open(), factory(), stays=False)
 
     async def no_pause(seconds: float) -> None:
         events.append(f"pause {seconds:g}" if seconds else "turn")
 
-    monkeypatch.setattr("urbihw.cli.console.session.open_streams", connect)
+    monkeypatch.setattr("urbihw.client.aio_connection.dial", connect)
     monkeypatch.setattr(asyncio, "sleep", no_pause)
 
     def changed() -> None:
@@ -361,7 +366,7 @@ def test_a_session_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
         if session.state == "connected":
             assert session.send("1 + 1;\n")
 
-    session = ConsoleSession(HERE, NOBODY, lambda lines: heard.extend(line.text for line in lines), changed)
+    session = ConsoleSession(HERE, NOBODY, lambda line: heard.append(line.text), changed)
     assert not session.send("1;")
     with pytest.raises(asyncio.CancelledError):
         asyncio.run(session.run())

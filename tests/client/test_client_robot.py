@@ -354,9 +354,9 @@ def test_a_lost_connection_is_made_again_with_what_was_watched(lan: Lan, robot: 
     cut(lan)
     for _ in range(200):  # those that had come before, then those of the new connection
         next(samples)
-        if robot._connection.connects == 2:
+        if robot._connection.core.connects == 2:
             break
-    assert robot._connection.connects == 2
+    assert robot._connection.core.connects == 2
     next(samples)
     assert robot.motor6.age == 0.5
 
@@ -400,7 +400,7 @@ def test_reasons_why_there_is_no_connection(lan: Lan, tmp_path: Path, monkeypatc
 
 def test_a_server_without_our_extensions(robot: Robot) -> None:
     """The other dialect, on our server: all of it is urbiscript 2."""
-    robot._connection._session.dialect = PlainDialect()
+    robot._connection.core.session.dialect = PlainDialect()
     robot.motor6.val = 3
     assert robot.motor6.val == 3
     assert robot.motor6.turn(1) == "turned"

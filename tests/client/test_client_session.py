@@ -10,7 +10,7 @@ from urbihw.client.literals import KEYWORDS, checked_name, literal, written_path
 from urbihw.client.live_plot import plot_svg
 from urbihw.client.login import WANTS_TLS, explain_close
 from urbihw.client.media import Blob
-from urbihw.client.session import Message, NoPlainValue, Session
+from urbihw.client.session import Message, NoPlainValue, Session, message_of
 from urbihw.client.streams import Sample, SampleStream
 from urbihw.client.where import Where
 from urbihw.kernel.syntax import tokens
@@ -18,7 +18,7 @@ from urbihw.kernel.syntax import tokens
 
 def answered(data: bytes) -> object:
     """The result of a question when these bytes come on its channel."""
-    session = Session(lambda message: None)
+    session = Session(lambda line, at: None)
     question = session.open_question()
     session.feed(data.replace(b"CH", question.channel.encode()))
     assert question.done
@@ -51,7 +51,7 @@ def test_recorded_errors_of_the_original() -> None:
 
 
 def test_samples_of_every_have_the_time_of_their_line() -> None:
-    session = Session(lambda message: None)
+    session = Session(lambda line, at: None)
     stream = SampleStream(("a", "b"), 10)
     session.add_stream(stream)
     session.offset = 100.0
@@ -65,7 +65,7 @@ def test_samples_of_every_have_the_time_of_their_line() -> None:
     b'{"v": [1], "t": 1, "lost": "x"}', b'{"v": [1], "t": 1%s, "lost": 0}' % (b"0" * 400), b'{"q": ' + b"[" * 100000,
 ])  # fmt: skip
 def test_a_sample_that_cannot_be_read_is_an_error_in_its_place(text: bytes) -> None:
-    session = Session(lambda message: None)
+    session = Session(lambda line, at: None)
     stream = SampleStream(("a",), 10)
     session.add_stream(stream)
     for each in (text, b'{"n": 2, "v": [7], "t": 1, "lost": 0}'):
@@ -82,7 +82,7 @@ def test_an_answer_that_cannot_be_read_is_an_error(text: bytes) -> None:
 
 
 def test_a_slow_program_is_at_most_a_second_behind() -> None:
-    session = Session(lambda message: None)
+    session = Session(lambda line, at: None)
     stream = SampleStream(("a",), 50)
     session.add_stream(stream)
     for number in range(500):
@@ -92,7 +92,7 @@ def test_a_slow_program_is_at_most_a_second_behind() -> None:
 
 
 def test_seldom_samples_wait_however_old_they_are() -> None:
-    session = Session(lambda message: None)
+    session = Session(lambda line, at: None)
     stream = SampleStream(("a",), 0)
     session.add_stream(stream)
     for number in range(12):
@@ -122,7 +122,7 @@ def test_a_server_that_is_no_urbiscript_server_is_told_in_one_way() -> None:
 
 
 def test_items_are_bounded_and_the_oldest_are_counted() -> None:
-    session = Session(lambda message: None)
+    session = Session(lambda line, at: None)
     stream = SampleStream(("a",), 10, size=2)
     session.add_stream(stream)
     for number in range(5):
@@ -133,7 +133,7 @@ def test_items_are_bounded_and_the_oldest_are_counted() -> None:
 
 
 def test_a_late_answer_does_not_reach_the_next_question() -> None:
-    session = Session(lambda message: None)
+    session = Session(lambda line, at: None)
     first = session.open_question()
     session.close_question(first)
     second = session.open_question()
@@ -143,7 +143,7 @@ def test_a_late_answer_does_not_reach_the_next_question() -> None:
 
 def test_what_others_say_is_a_message() -> None:
     said: list[Message] = []
-    session = Session(said.append)
+    session = Session(lambda line, at: said.append(message_of(line, at)))
     session.greeted = True
     session.feed(b"[00000001] *** hi\n[00000002:error] !!! no\n")
     assert [(message.text, message.is_error) for message in said] == [("*** hi", False), ("!!! no", True)]
@@ -177,7 +177,7 @@ def test_a_plot_has_a_curve_for_each_slot() -> None:
 
 @pytest.mark.parametrize("answer", [b'"a"', b"nil", b"[]", b"[nil]", b"0x" + b"f" * 400])
 def test_an_answer_of_another_form_is_told(answer: bytes) -> None:
-    session = Session(lambda message: None)
+    session = Session(lambda line, at: None)
     question = session.open_question()
     session.feed(b"[00000001:" + question.channel.encode() + b"] " + answer + b"\n")
     assert question.done
@@ -189,4 +189,4 @@ def test_an_answer_of_another_form_is_told(answer: bytes) -> None:
 @pytest.mark.parametrize("told", ["a", None, [], True, float("nan"), float("inf")])
 def test_a_time_that_is_none_is_told(told: object) -> None:
     with pytest.raises(BadAnswer, match="as its time$"):
-        Session(lambda message: None).set_offset(told, 1.0, 2.0)
+        Session(lambda line, at: None).set_offset(told, 1.0, 2.0)

@@ -63,7 +63,7 @@ def test_the_next_command_after_ctrl_c_is_answered(robot: Robot) -> None:
         interrupted += interrupt_at(step, lambda: robot.run("idem(1)"))
         assert robot.run(f"idem({step})") == step
     assert interrupted > len(STEPS) / 2
-    assert robot._connection.connects == 1
+    assert robot._connection.core.connects == 1
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 

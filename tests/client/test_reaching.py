@@ -20,7 +20,7 @@ from urbihw.cli.lobby_client import LobbyClient
 from urbihw.cli.options import CliRefused
 from urbihw.client.connect import connect
 from urbihw.client.credentials import Credentials, Denied
-from urbihw.client.dial import open_streams
+from urbihw.client.dial import dial
 from urbihw.client.secure import context
 from urbihw.client.where import Where
 from urbihw.daemon import access, tls
@@ -94,6 +94,12 @@ def test_the_first_line_in_pieces_and_with_what_comes_behind_it(lan: Lan, ending
     said = everything(made)
     assert said.startswith(b"*** urbihw: token accepted: alice\n[")
     assert b"] 3\n" in said
+
+
+async def open_streams(where: Where, credentials: Credentials) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+    reader = asyncio.StreamReader()
+    transport, protocol = await dial(where, credentials, lambda: asyncio.StreamReaderProtocol(reader))
+    return reader, asyncio.StreamWriter(transport, protocol, reader, asyncio.get_running_loop())
 
 
 def test_streams_of_asyncio_get_in_and_lose_no_byte(lan: Lan, tmp_path: Path) -> None:
@@ -289,7 +295,7 @@ def test_who_says_nothing_to_the_port_of_tls_is_told_in_the_end(lan: Lan, monkey
 
 def test_a_console_without_tls_is_told_why_and_does_not_try_again(lan: Lan) -> None:
     states: list[str] = []
-    session = ConsoleSession(Where("127.0.0.1", lan.port), Credentials(), lambda lines: None,
+    session = ConsoleSession(Where("127.0.0.1", lan.port), Credentials(), lambda line: None,
                              lambda: states.append(session.state))
     asyncio.run(asyncio.wait_for(session.run(), TIMEOUT_S))
     assert states == ["denied"]

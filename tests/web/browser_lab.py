@@ -52,7 +52,7 @@ class Daemon:
                 self.said += text
                 for mark in ('Channel.new("', 'lobby.answerSlot("'):
                     channel = text.partition(mark)[2].partition('"')[0]
-                    if channel.startswith("__urbihw_web_"):
+                    if channel.startswith("_client"):
                         await asyncio.sleep(self.delay)
                         value = self.value if "answerSlot" not in mark else f'["", {self.value}]'
                         writer.write(f"[00000001:{channel}] {value}\n".encode())

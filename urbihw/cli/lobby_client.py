@@ -17,10 +17,10 @@ from typing import Final
 from urbihw.cli.options import CliRefused
 from urbihw.client.connection import Connection
 from urbihw.client.credentials import Credentials, Denied
-from urbihw.client.dialect import Native
+from urbihw.client.dialect import Native, sent
 from urbihw.client.errors import AccessDenied, CannotConnect, ClientError, TimedOut, UrbiError
 from urbihw.client.lines import Line, guarded
-from urbihw.client.session import Message
+from urbihw.client.session import Message, message_of
 from urbihw.client.streams import LineStream
 from urbihw.client.where import Where
 from urbihw.exitcodes import EX_UNAVAILABLE, NO_SERVER
@@ -43,7 +43,8 @@ class LobbyClient:
         self._told_rest = False
         try:
             self._connection = Connection(
-                where, credentials, CONNECT_TIMEOUT_S, False, self._waiting.append, asks_first=False
+                where, credentials, CONNECT_TIMEOUT_S, False,
+                lambda line, at: self._waiting.append(message_of(line, at)), asks_first=False,
             )
         except CannotConnect as error:
             raise CliRefused(str(error), unreachable) from error
@@ -67,12 +68,11 @@ class LobbyClient:
         self._connection.wait(lambda: bool(self._waiting), timeout)
         if self._waiting:
             return self._waiting.popleft()
-        if self.ended and self._connection.fault:
+        if self.ended and self._connection.core.fault:
             raise self._close_reason()
-        if self.ended and not self._told_rest and (rest := self._connection.rest):
+        if self.ended and not self._told_rest and (rest := self._connection.core.session.lines.rest):
             self._told_rest = True
-            line = Line(rest)
-            return Message(time.time(), "", line.shown, line.is_error, rest)
+            return message_of(Line(rest), time.time())
         return None
 
     def read_banner(self, timeout: float = BANNER_TIMEOUT_S) -> list[Message]:
@@ -146,7 +146,7 @@ class LobbyClient:
 
     def _close_reason(self) -> CliRefused:
         """The error for a connection that the server has closed, with the server's reason if it gave one."""
-        reason = self._connection.close_reason()
+        reason = self._connection.core.close_reason()
         return CliRefused(str(reason) if isinstance(reason, Denied) else f"{self.peer}: {reason}")
 
     def close(self) -> None:
@@ -160,8 +160,3 @@ class LobbyClient:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def sent(text: str) -> str:
-    """A text as the library sends it: a character for each byte of UTF-8."""
-    return text.encode().decode("latin-1")

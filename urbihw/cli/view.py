@@ -20,7 +20,6 @@ from urbihw.cli.reach import add_server, credentials, server
 from urbihw.client.connection import Connection
 from urbihw.client.errors import ClientError
 from urbihw.client.robot import Robot
-from urbihw.client.session import Message
 from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_UNAVAILABLE, INTERRUPTED
 from urbihw.extras import install_command
 from urbihw.platforms.scene.library import NoMujoco, import_mujoco
@@ -61,8 +60,8 @@ def _show(options: argparse.Namespace) -> int:
         raise CliRefused(f"windows need mujoco: {install_command('mujoco')}", EX_CONFIG) from error
     where = server(options)
     try:
-        messages: deque[Message] = deque(maxlen=1)
-        robot = Robot(Connection(where, credentials(options), TIMEOUT_S, False, messages.append), messages)
+        connection = Connection(where, credentials(options), TIMEOUT_S, False, lambda line, at: None)
+        robot = Robot(connection, deque())
         with robot:
             if not robot.run('Global.hasLocalSlot("worldView")'):
                 raise CliRefused(f"{where} has no simulated world: serve --platform webots, or --fake --world room",

@@ -26,7 +26,7 @@ from urbihw.client.literals import (
     written_path,
 )
 from urbihw.client.robot import DEFAULT_PORT, MAX_KEPT_MESSAGES, credentials_of, split_address
-from urbihw.client.session import Message, NoPlainValue
+from urbihw.client.session import Message, NoPlainValue, message_of
 from urbihw.client.streams import EventStream, SampleStream, ShotStream, Stream
 from urbihw.client.where import where_is
 
@@ -255,6 +255,7 @@ async def connect(
     messages: deque[Message] = deque(maxlen=MAX_KEPT_MESSAGES)
     where = where_is(*split_address(host, port), tls)
     credentials = credentials_of(token, token_file, trust)
-    connection = AsyncConnection(where, credentials, timeout, reconnect, on_message or messages.append)
+    hear = on_message or messages.append
+    connection = AsyncConnection(where, credentials, timeout, reconnect, lambda line, at: hear(message_of(line, at)))
     await connection.open()
     return AsyncRobot(connection, messages)

@@ -1,51 +1,61 @@
-"""A connection of the client library in an event loop of asyncio; ``aio`` is what programs see of it."""
+"""A connection of the client library in an event loop of asyncio: it does the steps of ``core`` there."""
 
 from __future__ import annotations
 
 import asyncio
-import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from time import monotonic
+from typing import Concatenate, ParamSpec
 
-from urbihw.client.connection import FIRST_PAUSE_S, MAX_PAUSE_S, Statement
-from urbihw.client.credentials import Credentials, Denied
+from urbihw.client.core import ClientCore, CoreOwner, Dial, Drain, Pause, R, Send, Statement, Step, Steps, Wait
+from urbihw.client.credentials import Credentials
 from urbihw.client.dial import dial
-from urbihw.client.dialect import Native
-from urbihw.client.errors import AccessDenied, CannotConnect, ClientError, ConnectionLost, TimedOut
-from urbihw.client.lines import BadLine
-from urbihw.client.login import explain_close
-from urbihw.client.session import Message, Question, Session
-from urbihw.client.streams import ShotStream, Stream
-from urbihw.client.where import Where, explain_absence
+from urbihw.client.lines import MAX_LINE_BYTES
+from urbihw.client.session import OnLine, Question, Session
+from urbihw.client.where import Where
+
+P = ParamSpec("P")
 
 
 class _Protocol(asyncio.Protocol):
     """One connection."""
 
-    def __init__(self, session: Session, lost: Callable[[], None]) -> None:
-        self.session = session
-        self._lost = lost
-        self._transport: asyncio.BaseTransport | None = None
+    def __init__(self, owner: AsyncConnection, session: Session) -> None:
+        self._owner = owner
+        self._session = session
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """The connection is open."""
-        self._transport = transport
+        assert isinstance(transport, asyncio.Transport)
+        self._owner.take(self._session, transport)
 
     def data_received(self, data: bytes) -> None:
         """Bytes of the server."""
-        try:
-            self.session.feed(data)
-        except BadLine:
-            assert self._transport is not None
-            self._transport.close()
+        self._owner.feed(self._session, data)
 
     def connection_lost(self, error: Exception | None) -> None:
         """The connection has ended."""
-        self._lost()
+        self._owner.feed(self._session, b"")
 
 
-class AsyncConnection:
-    """A connection in an event loop; ``open`` connects."""
+def _awaited(
+    command: Callable[Concatenate[ClientCore, P], Steps[R]],
+) -> Callable[Concatenate[AsyncConnection, P], Awaitable[R]]:
+    """The method that does the steps of a command."""
+    def method(self: AsyncConnection, /, *args: P.args, **kwargs: P.kwargs) -> Awaitable[R]:
+        return self.run(command(self.core, *args, **kwargs))
+
+    return method
+
+
+class AsyncConnection(CoreOwner):
+    """A connection in an event loop; ``open`` connects.
+
+    Attributes:
+        core: its state.
+        transport: that of the present connection; None without one.
+    """
 
     def __init__(
         self,
@@ -53,176 +63,136 @@ class AsyncConnection:
         credentials: Credentials,
         timeout: float,
         reconnect: bool,
-        on_message: Callable[[Message], None],
+        on_line: OnLine,
+        asks_first: bool = True,
+        max_line: int = MAX_LINE_BYTES,
+        on_lost: Callable[[], None] = lambda: None,
     ) -> None:
-        self.where = where
-        self.timeout = timeout
-        self.closed = False
-        self.connects = 0
-        self._credentials = credentials
-        self._reconnect = reconnect
-        self._on_message = on_message
-        self._transport: asyncio.Transport | None = None
-        self._session = Session(on_message)
-        self._connecting = asyncio.Lock()
-        self._streams: list[Stream] = []
+        """``on_lost`` is called when the connection has ended; the other arguments are those of ``ClientCore``."""
+        self.core = ClientCore(where, credentials, timeout, reconnect, on_line, self._hang_up, asks_first, max_line)
+        self.transport: asyncio.Transport | None = None
+        self._on_lost = on_lost
+        self._waiting: list[tuple[Callable[[], bool], Callable[[], None]]] = []
+        """What is waited for, and what is called once it is there."""
 
-    @property
-    def connected(self) -> bool:
-        """Whether there is a connection."""
-        return self._transport is not None
-
-    async def ask(
-        self, statement: Statement, timeout: float | None, located: bool = False, keep: bool = False
-    ) -> Any:
-        await self._need_connection(self.timeout)
-        session = self._session
-        question = session.open_question(located)
-        text = statement(session.dialect, question.channel)
-        try:
-            return await self._answer(session, question, text, timeout)
-        finally:
-            if not question.done and not keep and session is self._session:
-                self.tell(session.dialect.end(question.channel))
-
-    async def _answer(self, session: Session, question: Question, text: str, timeout: float | None) -> Any:
-        answered = asyncio.Event()
-        question.wake = answered.set
-        try:
-            self.tell(text)
-            async with asyncio.timeout(timeout):
-                await answered.wait()
-        except TimeoutError:
-            raise TimedOut(f"{self.where} did not answer within {timeout:g} s: is it busy?") from None
-        finally:
-            session.close_question(question)
-        return question.result()
-
-    def tell(self, text: str) -> None:
-        """Send a statement."""
-        if self._transport is not None:
-            self._transport.write(text.encode("latin-1"))
-
-    async def open_stream(self, stream: Stream) -> None:
-        def text(dialect: Native, channel: str) -> str:
-            self._session.add_stream(stream)
-            return stream.start_text(dialect, channel)
-
-        await self.ask(text, self.timeout)
-        self._streams.append(stream)
-
-    async def close_stream(self, stream: Stream) -> None:
-        """End a stream; a second call does nothing."""
-        stream.closed = True
-        stream.wake()
-        if stream not in self._streams:
-            return
-        self._streams.remove(stream)
-        if self.connected:
-            try:
-                await self.ask(stream.stop_text, self.timeout)
-            except ClientError:
-                pass  # it has ended with the connection
-            self._session.remove_stream(stream)
-
-    async def next_item(self, stream: Stream, timeout: float | None) -> Any:
-        """The next item; None when it was closed.  Raises TimedOut, or why there is no connection."""
-        come = asyncio.Event()
-        stream.wake = come.set
-        try:
-            async with asyncio.timeout(timeout):
-                while not stream.closed:
-                    await self._need_connection(timeout)
-                    if stream.items:
-                        item = stream.next_item()
-                        if isinstance(stream, ShotStream):
-                            self.tell(self._session.dialect.ready(stream.channel))
-                        return item
-                    if stream.failed is not None:
-                        raise stream.failed
-                    come.clear()
-                    await come.wait()
-        except TimeoutError:
-            raise stream.silence(self.where, timeout or 0.0) from None
-        return None
+    # Commands: what is asked for, returned and raised stands in ``ClientCore``.
+    ask = _awaited(ClientCore.ask)
+    open_stream = _awaited(ClientCore.open_stream)
+    close_stream = _awaited(ClientCore.close_stream)
+    next_item = _awaited(ClientCore.next_item)
 
     async def open(self) -> None:
         """Connect.  Raises CannotConnect, AccessDenied or TimedOut."""
-        session = Session(self._on_message)
-        try:
-            async with asyncio.timeout(self.timeout):
-                protocol = _Protocol(session, lambda: self._lost(session))
-                made, _ = await dial(self.where, self._credentials, lambda: protocol)
-        except Denied as error:
-            raise AccessDenied(str(error)) from None
-        except (OSError, UnicodeError) as error:
-            raise CannotConnect(explain_absence(self.where, error)) from None
-        self._transport, self._session = made, session
-        try:
-            await self._greet(session)
-            for stream in self._streams:
-                await self._begin_again(session, stream)
-        except BaseException:
-            made.abort()
-            self._transport = None
-            raise
-        self.connects += 1
+        await self.run(self.core.connect(monotonic() + self.timeout))
 
-    async def _greet(self, session: Session) -> None:
-        asked = time.time()
-        question, text = session.hello()
-        await self._answer(session, question, text, self.timeout)
-        session.take_hello(question, asked, time.time())
+    def begin(self, statement: Statement, answered: Callable[[Question], None]) -> Callable[[], None]:
+        """Send a statement at once; ``answered`` gets its question with the Line of the answer, or why there is none.
 
-    async def _begin_again(self, session: Session, stream: Stream) -> None:
-        stream.begin_again()
-        session.add_stream(stream)
-        question = session.open_question()
-        try:
-            await self._answer(session, question, stream.start_text(session.dialect, question.channel), self.timeout)
-        except (ConnectionLost, TimedOut):
-            raise
-        except ClientError as error:
-            stream.failed = error
+        Returns what ends the waiting; the server goes on with the statement.
+        """
+        session = self.core.session
+        question = session.open_question(located=True, raw=True)
+        waiter = (lambda: question.done), (lambda: answered(question))
+        self._waiting.append(waiter)
 
-    async def _need_connection(self, timeout: float | None) -> None:
-        if self._transport is not None:
-            return
-        limit = None if timeout is None else time.monotonic() + timeout
-        async with self._connecting:
-            pause = FIRST_PAUSE_S
-            while self._transport is None:
-                if self.closed or not self._reconnect:
-                    raise ConnectionLost(f"the connection to {self.where} is closed: connect again")
-                try:
-                    await self.open()
-                except AccessDenied:
-                    raise
-                except ClientError:
-                    if limit is not None and time.monotonic() + pause >= limit:
-                        raise
-                    await asyncio.sleep(pause)
-                    pause = min(2 * pause, MAX_PAUSE_S)
+        def end() -> None:
+            session.close_question(question)
+            if waiter in self._waiting:
+                self._waiting.remove(waiter)
 
-    def _lost(self, session: Session) -> None:
-        lines = session.lines
-        reason = explain_close(self.where, lines.last, lines.stamped, self._credentials.words)
+        self.send(statement(session.dialect, question.channel))
+        return end
 
-        def error() -> ClientError:
-            if isinstance(reason, Denied):
-                return AccessDenied(str(reason))
-            return ConnectionLost(f"{self.where}: {reason or 'it closed the connection'}")
-
-        if session is self._session:
-            self._transport = None
-        session.lose(error)
+    def send(self, text: str) -> None:
+        """Send a text, a character for each byte.  Does nothing without a connection."""
+        if self.transport is not None:
+            self.transport.write(text.encode("latin-1"))
 
     def close(self) -> None:
         """Close the connection."""
-        self.closed = True
-        for stream in self._streams:
-            stream.closed = True
-            stream.wake()
-        if self._transport is not None:
-            self._transport.abort()
-            self._transport = None
+        self.core.close()
+        self._wake()
+
+    # ---------------------------------------------------------------- steps
+
+    async def run(self, steps: Steps[R], step: Step | None = None) -> R:
+        """Do the steps of a command, from ``step`` on, and return its result."""
+        try:
+            step = next(steps) if step is None else step
+            while True:
+                try:
+                    await self._do(step)
+                except BaseException as error:
+                    step = steps.throw(error)
+                else:
+                    step = next(steps)
+        except StopIteration as end:
+            result: R = end.value
+            return result
+        finally:
+            self._wake()
+
+    async def _do(self, step: Step) -> None:
+        if isinstance(step, Wait):
+            await self._wait(step)
+        elif isinstance(step, Send):
+            self.send(step.text)
+        elif isinstance(step, Dial):
+            await self._dial(step.timeout)
+        elif isinstance(step, Pause):
+            await asyncio.sleep(step.seconds)
+        elif isinstance(step, Drain):
+            await asyncio.sleep(0)
+
+    async def _wait(self, step: Wait) -> None:
+        self._wake()  # what others wait for may have changed since the last step
+        if step.ready():
+            return
+        left = None if step.limit is None else step.limit - monotonic()
+        come = asyncio.Event()
+        waiter = step.ready, come.set
+        self._waiting.append(waiter)
+        try:
+            with suppress(TimeoutError):
+                async with asyncio.timeout(left):
+                    await come.wait()
+        finally:
+            if waiter in self._waiting:
+                self._waiting.remove(waiter)
+
+    def _wake(self) -> None:
+        for waiter in [each for each in self._waiting if each[0]()]:
+            if waiter in self._waiting:
+                self._waiting.remove(waiter)
+                waiter[1]()
+
+    async def _dial(self, timeout: float) -> None:
+        session = self.core.session
+        async with asyncio.timeout(timeout):
+            try:
+                await dial(self.core.where, self.core.credentials, lambda: _Protocol(self, session))
+            except BaseException:
+                self.core.lose("it was interrupted")  # it may be connected already
+                raise
+
+    # ---------------------------------------------------------------- what the transport tells
+
+    def take(self, session: Session, transport: asyncio.Transport) -> None:
+        """The connection of a session is open; one that the program has closed meanwhile is not wanted."""
+        if session is not self.core.session or self.core.closed:
+            transport.abort()
+            return
+        self.transport = transport
+        self.core.connected = True
+
+    def feed(self, session: Session, data: bytes) -> None:
+        """Bytes of the connection of a session; b"" is its end."""
+        self.core.feed(session, data)
+        self._wake()
+
+    def _hang_up(self) -> None:
+        transport, self.transport = self.transport, None
+        if transport is not None:
+            transport.abort()
+            self._wake()
+            self._on_lost()

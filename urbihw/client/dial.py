@@ -1,4 +1,4 @@
-"""Connects to a server with asyncio: with a protocol of the caller, or with streams."""
+"""Connects to a server with asyncio, with a protocol of the caller."""
 
 from __future__ import annotations
 
@@ -43,13 +43,6 @@ async def dial(where: Where, credentials: Credentials, factory: Callable[[], P])
         loop.call_soon(login.protocol.data_received, rest)
     loop.call_soon(transport.resume_reading)
     return transport, login.protocol
-
-
-async def open_streams(where: Where, credentials: Credentials) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-    """Connect with streams, as ``asyncio.open_connection`` returns them.  Raises what ``dial`` raises."""
-    reader = asyncio.StreamReader()
-    transport, protocol = await dial(where, credentials, lambda: asyncio.StreamReaderProtocol(reader))
-    return reader, asyncio.StreamWriter(transport, protocol, reader, asyncio.get_running_loop())
 
 
 class _LoginProtocol(asyncio.Protocol, Generic[P]):

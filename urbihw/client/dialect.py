@@ -158,3 +158,8 @@ class PlainDialect(Native):
     def unwatch(self, channel: str, stream: str) -> str:
         """Send the samples no more."""
         return self.evaluate(channel, f"{stream}.stop")
+
+
+def sent(text: str) -> str:
+    """A text as connections send it: a character for each byte of UTF-8."""
+    return text.encode("utf-8", "surrogateescape").decode("latin-1")

@@ -8,7 +8,11 @@ class ClientError(Exception):
 
 
 class CannotConnect(ClientError, ConnectionError):
-    """No server answers at this address."""
+    """No server answers at this address; ``reason`` is the cause in a few words."""
+
+    def __init__(self, text: str, reason: str = "") -> None:
+        super().__init__(text)
+        self.reason = reason
 
 
 class AccessDenied(ClientError, PermissionError):

@@ -10,12 +10,8 @@ import os
 import signal
 import threading
 from collections.abc import Callable
-from functools import wraps
 from types import FrameType, TracebackType
-from typing import Any, ParamSpec, TypeVar
-
-P = ParamSpec("P")
-R = TypeVar("R")
+from typing import Any
 
 _set_handler: Callable[[int, Any], Any] = getattr(signal.signal, "__wrapped__", signal.signal)
 """Without the conversion to members of enumerations, which takes longer than the call."""
@@ -115,14 +111,3 @@ class _Waiting:
 
 DEFERRAL = Deferral()
 """That of the process, as it has one handler."""
-
-
-def uninterrupted(method: Callable[P, R]) -> Callable[P, R]:
-    """Make a method that an interrupt ends only where it waits."""
-
-    @wraps(method)
-    def guarded(*args: P.args, **kwargs: P.kwargs) -> R:
-        with DEFERRAL:
-            return method(*args, **kwargs)
-
-    return guarded

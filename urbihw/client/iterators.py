@@ -89,7 +89,6 @@ class Shots(Items[ShotStream]):
     def __next__(self) -> Shot:
         """The next one.  Raises TimedOut, or why there is no connection."""
         item: Shot = self._next()
-        self._connection.want_next(self._stream)
         return item
 
 

@@ -28,7 +28,7 @@ from urbihw.client.literals import (
     literal,
     written_path,
 )
-from urbihw.client.session import Message, NoPlainValue
+from urbihw.client.session import Message, NoPlainValue, message_of
 from urbihw.client.streams import EventStream, SampleStream, ShotStream
 from urbihw.client.where import where_is
 
@@ -366,4 +366,6 @@ def connect(
     messages: deque[Message] = deque(maxlen=MAX_KEPT_MESSAGES)
     where = where_is(*split_address(host, port), tls)
     credentials = credentials_of(token, token_file, trust)
-    return Robot(Connection(where, credentials, timeout, reconnect, on_message or messages.append), messages)
+    hear = on_message or messages.append
+    connection = Connection(where, credentials, timeout, reconnect, lambda line, at: hear(message_of(line, at)))
+    return Robot(connection, messages)

@@ -1,6 +1,6 @@
 """One connection of the client library without its socket: bytes of the server in, answers and items out.
 
-The blocking and the asyncio connection both use it, under a lock of their own.
+``core`` uses it.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 
 from urbihw.client.dialect import Native, PlainDialect, hello_text
 from urbihw.client.errors import BadAnswer, ClientError, SlotMissing, UrbiError
-from urbihw.client.lines import Line, Lines
+from urbihw.client.lines import MAX_LINE_BYTES, Line, Lines
 from urbihw.client.media import media_of
 from urbihw.client.streams import Stream
 from urbihw.client.values import NotAValue, value_of
@@ -44,6 +44,15 @@ class Message(NamedTuple):
     raw: bytes = b""
 
 
+def message_of(line: Line, time: float) -> Message:
+    """A line as a message."""
+    return Message(time, line.channel, line.shown, line.is_error, line.raw)
+
+
+OnLine = Callable[[Line, float], None]
+"""Gets a line, and its time as in ``Message``."""
+
+
 class NoPlainValue(NamedTuple):
     """An object or a function of the robot, which has no value in Python."""
 
@@ -56,7 +65,7 @@ class Question:
     """A statement whose answer is expected on its channel.  ``located``: a location in an error is one in the text of
     the user.  ``raw``: the answer is a Line of any content."""
 
-    __slots__ = ("channel", "done", "error", "located", "raw", "stamp", "value", "wake")
+    __slots__ = ("channel", "done", "error", "located", "raw", "stamp", "value")
 
     def __init__(self, channel: str, located: bool, raw: bool) -> None:
         self.channel = channel
@@ -66,7 +75,6 @@ class Question:
         self.stamp = 0
         self.error: ClientError | None = None
         self.value: Any = None
-        self.wake: Callable[[], None] = lambda: None
 
     def result(self) -> Any:
         """The value.  Raises the error of the server, or that of the connection."""
@@ -77,19 +85,21 @@ class Question:
     def finish(self, value: Any = None, error: ClientError | None = None) -> None:
         """It is answered."""
         self.value, self.error, self.done = value, error, True
-        self.wake()
 
 
 class Session:
     """Questions and streams of one connection.  ``offset``: local time minus the server's time, in seconds."""
 
-    def __init__(self, on_message: Callable[[Message], None], asks_first: bool = True) -> None:
-        """``asks_first``: what comes before the answer to the first question is no message."""
-        self.lines = Lines()
+    def __init__(
+        self, on_line: OnLine, asks_first: bool = True, max_line: int = MAX_LINE_BYTES
+    ) -> None:
+        """``on_line`` gets each line that is neither an answer nor of a stream; ``asks_first``: what comes before the
+        answer to the first question is left out; ``max_line``: bytes of the longest line."""
+        self.lines = Lines(max_line)
         self.dialect: Native = Native() if asks_first else PlainDialect()
         self.offset = 0.0
         self.greeted = not asks_first
-        self._on_message = on_message
+        self._on_line = on_line
         self._questions: dict[str, Question] = {}
         self._free: list[str] = []
         self._streams: dict[str, Stream] = {}
@@ -171,16 +181,13 @@ class Session:
                 if line.stamp is not None:
                     self._take(stream, line, now)
             elif self.greeted and not channel.startswith(CHANNEL_PREFIX):
-                stamp = now if line.stamp is None else line.stamp / 1000 + self.offset
-                self._on_message(Message(stamp, channel, line.shown, line.is_error, line.raw))
+                self._on_line(line, now if line.stamp is None else line.stamp / 1000 + self.offset)
 
     def lose(self, make_error: Callable[[], ClientError]) -> None:
         """The connection has ended: no question will be answered."""
         for question in self._questions.values():
             if not question.done:
                 question.finish(error=make_error())
-        for stream in self._streams.values():
-            stream.wake()
 
     def _take(self, stream: Stream, line: Line, now: float) -> None:
         # A line cannot come before it was sent: that bounds the difference of the clocks.
@@ -190,7 +197,6 @@ class Session:
             stream.take(line, self._convert, self.offset)
         except (ValueError, LookupError, TypeError, ArithmeticError, RecursionError):
             stream.add(BadAnswer(f"the server sent on {stream.channel} what cannot be read: {shortened(line.shown)}"))
-        stream.wake()
 
     def _answer(self, question: Question, line: Line) -> None:
         if line.is_error:

@@ -63,8 +63,6 @@ class Stream:
         self.failed: ClientError | None = None
         self.errors: dict[str, str] = {}
         """The last error of each slot that failed."""
-        self.wake: Callable[[], None] = lambda: None
-        """Called when something has come."""
         self._left_out = 0
         self._server_lost = 0
         self._lost_before = 0

@@ -7,23 +7,22 @@ and leave no trace in the user's lobby.  The queries are functions of ``assistan
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from typing import Final
 
-from urbihw.client.credentials import Credentials, Denied
-from urbihw.client.dial import open_streams
-from urbihw.client.lines import BadLine, Lines, guarded
+from urbihw.client.aio_connection import AsyncConnection
+from urbihw.client.credentials import Credentials
+from urbihw.client.dialect import Native, sent
+from urbihw.client.errors import ClientError, TimedOut, UrbiError
+from urbihw.client.lines import Line, guarded
 from urbihw.client.subject import Step
 from urbihw.client.where import Where
 
-CHANNEL: Final = "__urbihw_assistant"
 TIMEOUT_S: Final = 1.0
 """Maximum seconds for an answer; users do not wait longer for a completion."""
-CHUNK: Final = 256 * 1024
 
 _STRING: Final = re.compile(r'"((?:[^"\\]|\\.)*)"', re.DOTALL)
 _ESCAPE: Final = re.compile(r"\\(x[0-9a-fA-F]{2}|.)", re.DOTALL)
@@ -52,8 +51,7 @@ class Assistant:
     def __init__(self, where: Where, who: Credentials) -> None:
         self._where = where
         self._who = who
-        self._streams: tuple[asyncio.StreamReader, asyncio.StreamWriter] | None = None
-        self._lines = Lines()
+        self._link: AsyncConnection | None = None
         self._turn = asyncio.Lock()
 
     async def names(self, uid: str, path: Sequence[Step]) -> list[str]:
@@ -74,38 +72,28 @@ class Assistant:
         await self._ask(f"assistant_interrupt({quoted(uid)})")
 
     async def _ask(self, expression: str) -> str:
+        def question(dialect: Native, channel: str) -> str:
+            return sent(guarded(f'Channel.new("{channel}") << {{ {expression} }}', channel)) + ";\n"
+
         async with self._turn:
             try:
-                return await asyncio.wait_for(self._answer(expression), TIMEOUT_S)
-            except TimeoutError:
+                if self._link is None:
+                    self._link = AsyncConnection(self._where, self._who, TIMEOUT_S, False, lambda line, at: None, False)
+                    await self._link.open()
+                    self._link.send(files("urbihw.client").joinpath("assistant.u").read_text("latin-1"))
+                line: Line = await self._link.ask(question, TIMEOUT_S, located=True, raw=True)
+            except UrbiError as error:
+                raise NoAnswer(str(error)) from None
+            except ClientError as error:
                 self.close()
-                raise NoAnswer("the server does not answer") from None
-            except (OSError, UnicodeError, BadLine, Denied) as error:
-                self.close()
-                raise NoAnswer(str(error)) from error
-
-    async def _answer(self, expression: str) -> str:
-        if self._streams is None:
-            self._streams = await open_streams(self._where, self._who)
-            self._lines = Lines()
-            self._streams[1].write(files("urbihw.client").joinpath("assistant.u").read_bytes())
-        reader, writer = self._streams
-        writer.write(guarded(f'Channel.new("{CHANNEL}") << {{ {expression} }}', CHANNEL).encode() + b";\n")
-        while data := await reader.read(CHUNK):
-            for line in self._lines.feed(data):
-                if line.channel == CHANNEL and line.is_error:
-                    raise NoAnswer(line.shown.removeprefix("!!! "))
-                if line.channel == CHANNEL:
-                    return line.shown
-        self.close()
-        raise NoAnswer("the server closed the connection")
+                raise NoAnswer("the server does not answer" if isinstance(error, TimedOut) else str(error)) from error
+            return line.shown
 
     def close(self) -> None:
         """Close the connection; the next query opens a new one."""
-        if self._streams is not None:
-            with contextlib.suppress(OSError, RuntimeError):
-                self._streams[1].close()
-            self._streams = None
+        if self._link is not None:
+            self._link.close()
+            self._link = None
 
 
 def quoted(text: str) -> str:

@@ -112,9 +112,8 @@ class Screen:
 
     # ---------------------------------------------------------------- showing
 
-    def _heard(self, lines: list[Line]) -> None:
-        for line in lines:
-            self._prompt_printer.show(painted(line))
+    def _heard(self, line: Line) -> None:
+        self._prompt_printer.show(painted(line))
 
     def _note(self, text: str) -> None:
         self._prompt_printer.show(FormattedText([("class:note", f"-- {text}\n")]))

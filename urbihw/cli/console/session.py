@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 from collections.abc import Callable
 from typing import Final, Literal
 
 from urbihw.backoff import BackOff
+from urbihw.client.aio_connection import AsyncConnection
 from urbihw.client.credentials import Credentials, Denied
-from urbihw.client.dial import open_streams
-from urbihw.client.lines import BadLine, Line, Lines
+from urbihw.client.dialect import sent
+from urbihw.client.errors import AccessDenied, CannotConnect
+from urbihw.client.lines import Line
 from urbihw.client.login import NOTICE, explain_close
+from urbihw.client.session import Question
 from urbihw.client.where import Where, why
 
-CHUNK: Final = 256 * 1024
 CONNECT_TIMEOUT_S: Final = 5.0
 FIRST_PAUSE_S: Final = 0.25
 MAX_PAUSE_S: Final = 2.0
 """Seconds before the first attempt to reconnect, and the maximum of the doubled pauses."""
 FIRST_WORD_TIMEOUT_S: Final = 0.5
 """Seconds after which a silent server counts as busy, not as one that refuses the connection."""
-CHANNEL: Final = "__urbihw_console"
-"""The channel for the uid of the lobby; its lines are not shown."""
 
 State = Literal["connecting", "connected", "lost", "denied"]
 
@@ -30,7 +29,7 @@ State = Literal["connecting", "connected", "lost", "denied"]
 class ConsoleSession:
     """The connection to one server, while the console runs or until the server refuses the credentials ("denied").
 
-    ``heard`` is called with the lines of each packet.  ``changed`` is called when ``state`` has changed; ``reason`` is
+    ``heard`` is called with each line.  ``changed`` is called when ``state`` has changed; ``reason`` is
     then the reason why there is no connection.
     """
 
@@ -38,7 +37,7 @@ class ConsoleSession:
         self,
         where: Where,
         who: Credentials,
-        heard: Callable[[list[Line]], None],
+        heard: Callable[[Line], None],
         changed: Callable[[], None],
     ) -> None:
         self.where = where
@@ -49,7 +48,7 @@ class ConsoleSession:
         """The ``uid`` of the console's lobby, for the assistant; empty while it is not known."""
         self._heard = heard
         self._changed = changed
-        self._writer: asyncio.StreamWriter | None = None
+        self._link: AsyncConnection | None = None
 
     @property
     def name(self) -> str:
@@ -61,73 +60,55 @@ class ConsoleSession:
         pauses = BackOff(FIRST_PAUSE_S, MAX_PAUSE_S)
         while True:
             try:
-                reader, writer = await asyncio.wait_for(open_streams(self.where, self._who), CONNECT_TIMEOUT_S)
-            except Denied as error:
+                if await self._converse():
+                    pauses.reset()
+            except CannotConnect as error:
+                self.reason = error.reason
+            except AccessDenied as error:
                 self.reason = str(error)
                 self._enter("denied")
                 return
-            except (OSError, TimeoutError, UnicodeError) as error:
-                self.reason = why(error)
-                self._enter("lost")
-                await asyncio.sleep(pauses.next_pause())
-                continue
-            self._writer = writer
-            turned = await self._converse(reader, writer)
-            self._writer = None
-            self.uid = ""
-            if isinstance(turned, Denied):
-                self.reason = str(turned)
-                self._enter("denied")
-                return
-            if turned is None:
-                pauses.reset()
             self._enter("lost")
             await asyncio.sleep(pauses.next_pause())
 
-    async def _converse(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> Exception | None:
-        """Receive until the connection ends.  Returns the reason if the server has refused the connection.
+    async def _converse(self) -> bool:
+        """Connect, and receive until the connection ends; returns whether there was one, not only a refusal.
 
         A server that is silent for a while is busy; one that refuses does so at once, and then there was no connection.
+        Raises CannotConnect or AccessDenied.
         """
-        # Between push and pop, the text leaves no trace in the positions of later errors.
-        writer.write(f'//#push 1 "console"\nChannel.new("{CHANNEL}") << lobby.uid|;\n//#pop\n'.encode())
-        self.reason = "the server closed the connection"
-        lines = Lines()
+        ended = asyncio.Event()
+        link = AsyncConnection(self.where, self._who, CONNECT_TIMEOUT_S, False, self._hear, asks_first=False,
+                               on_lost=ended.set)
+        await link.open()
+        self._link = link
         try:
-            data = await self._first(reader)
-            if data is None or data and not data.startswith(NOTICE):
-                self._enter("connected")
-            while data := await reader.read(CHUNK) if data is None else data:
-                self._pass_on(lines.feed(data))
-                data = None
-        except OSError as error:
-            self.reason = why(error)
-        except BadLine as error:
-            self.reason = str(error)
-        writer.close()
-        with contextlib.suppress(OSError):
-            await writer.wait_closed()
+            # Between push and pop, the text leaves no trace in the positions of later errors.
+            question = '//#push 1 "console"\nChannel.new("%s") << lobby.uid|;\n//#pop\n'
+            link.begin(lambda dialect, channel: question % channel, self._take_uid)
+            busy = asyncio.get_running_loop().call_later(FIRST_WORD_TIMEOUT_S, self._enter, "connected")
+            await ended.wait()
+            busy.cancel()
+        finally:
+            self._link = None
+            self.uid = ""
+            link.close()
+        lines = link.core.session.lines
         turned = explain_close(self.where, lines.last, lines.stamped)
-        if turned is not None:
-            self.reason = why(turned)
-        return turned
+        if isinstance(turned, Denied):
+            raise AccessDenied(str(turned))
+        self.reason = link.core.fault or (why(turned) if turned is not None else "the server closed the connection")
+        return turned is None
 
-    @staticmethod
-    async def _first(reader: asyncio.StreamReader) -> bytes | None:
-        """The first bytes of the server, b"" at the end of the connection; None if it is silent for a while."""
-        try:
-            return await asyncio.wait_for(reader.read(CHUNK), FIRST_WORD_TIMEOUT_S)
-        except TimeoutError:
-            return None
+    def _hear(self, line: Line, at: float) -> None:
+        if not line.raw.startswith(NOTICE):
+            self._enter("connected")
+        self._heard(line)
 
-    def _pass_on(self, lines: list[Line]) -> None:
-        """Pass on all lines except the answer with the uid."""
-        for line in lines:
-            if line.channel == CHANNEL:
-                self.uid = line.shown.strip('"')
-        shown = [line for line in lines if line.channel != CHANNEL]
-        if shown:
-            self._heard(shown)
+    def _take_uid(self, question: Question) -> None:
+        if question.error is None:
+            self._enter("connected")
+            self.uid = question.value.shown.strip('"')
 
     def _enter(self, state: State) -> None:
         if state != self.state:
@@ -136,7 +117,7 @@ class ConsoleSession:
 
     def send(self, text: str) -> bool:
         """Send text; False without a connection."""
-        if self._writer is None or self.state != "connected":
+        if self._link is None or self.state != "connected":
             return False
-        self._writer.write(text.encode("utf-8", "surrogateescape"))
+        self._link.send(sent(text))
         return True
