@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
 from urbihw.kernel.lobby.connection_tag import ConnectionTag
+from urbihw.kernel.lobby.lease import ClientLease
 from urbihw.kernel.lobby.output import Output
 from urbihw.kernel.lobby.printing import described
 from urbihw.kernel.lobby.shell import Shell
@@ -34,8 +35,8 @@ class Lobby(Obj):
 
     is_per_connection = True
     __slots__ = (
-        "answering", "connected", "holdings", "in_command", "input_handler", "label", "maker", "on_quit", "output",
-        "peer", "programs", "received", "released_at", "shell", "tag", "user",
+        "answering", "connected", "holdings", "in_command", "input_handler", "label", "lease", "maker", "on_quit",
+        "output", "peer", "programs", "received", "released_at", "shell", "silence", "tag", "user",
     )  # fmt: skip
 
     def __init__(
@@ -58,7 +59,10 @@ class Lobby(Obj):
         devices."""
         self.received = 0
         self.released_at = 0
-        """The lowest epoch of a statement that may move devices: ``releaseDevices`` sets it."""
+        """The lowest epoch of a statement that may move devices: ``release_devices`` sets it."""
+        self.silence = ""
+        """What the client has done, in words, while it may not move devices because its ``lease`` is over; else ""."""
+        self.lease = ClientLease(self)
         self.on_quit: Callable[[], None] = lambda: None
         self.peer = remote
         """The address of the client, None for none; ``remoteIP`` has the same value, but a program can change that
@@ -114,6 +118,12 @@ class Lobby(Obj):
 
     def feed(self, data: bytes) -> None:
         """Bytes from the client."""
+        if self.lease.seconds:
+            self.lease.renew()
+        self.take_input(data)
+
+    def take_input(self, data: bytes) -> None:
+        """Bytes from the client, or from a program in its place."""
         self.received += len(data)
         if self.connected:
             self.input_handler(data)
@@ -140,6 +150,23 @@ class Lobby(Obj):
             for hear in list(self.world.client_gone):
                 hear(self)
 
+    def set_silence(self, why: str) -> None:
+        """Say why this lobby and those that belong to it may not move devices; "" when they may again."""
+        self.silence = why
+        for other in self._made():
+            other.set_silence(why)
+
+    def release_devices(self) -> None:
+        """Stop the devices that this lobby and those that belong to it move.  The statements that move them end; those
+        that begin later may move them.
+        """
+        self.world.scheduler.epoch += 1
+        self.released_at = self.world.scheduler.epoch
+        for hear in list(self.world.devices_released):
+            hear(self)
+        for other in self._made():
+            other.release_devices()
+
     def execute(self, text: str) -> None:
         """Run one statement in the running job, as if the client had typed it; raises the errors of the statement."""
         execute(self, text)
@@ -159,6 +186,7 @@ class Lobby(Obj):
         if not self.connected:
             return
         self.connected = False
+        self.lease.end()
         self.programs.lobbies.pop(self, None)
         self.output.close()
         self.holdings.seal()

@@ -17,6 +17,7 @@ from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.tag import Tag
 from urbihw.kernel.stdlib.channel import starred
 from urbihw.kernel.stdlib.members import members_of
+from urbihw.kernel.stdlib.support import field
 from urbihw.kernel.value import Value
 
 TABLE = Table("Lobby")
@@ -34,6 +35,10 @@ MAX_LABEL_LENGTH: Final = 80
 NOTES = {
     "Lobby.connectionTag": "The tag of all jobs of the connection; after it is stopped, the connection remains usable.",
     "Lobby.remoteIP": "The address of the client; only for a TCP connection.",
+    "Lobby.lease": "The time in which the client has to send something, an empty line at least; 0 (the default) is no "
+    "limit.  A client that is silent for longer loses its lease: what it has moved stops, the statements that move it "
+    "end, and nothing of its connection moves anything until it sends again.  From 0.1 s to an hour; for one's own "
+    "connection only.  Not in the manual.",
     "Lobby.onDisconnect": "The event that is emitted with the lobby of a connection that has ended.",
 }
 """Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
@@ -63,6 +68,16 @@ class LobbyOutput(Protocol):
         ...
 
 
+class LobbyLease(Protocol):
+    """The members of a lobby's lease that are used here."""
+
+    seconds: float
+
+    def set_length(self, seconds: float) -> None:
+        """Begin a lease.  Raises ValueError."""
+        ...
+
+
 class SpeakerLobby(Protocol):
     """The members of a connection's lobby that are used here."""
 
@@ -74,10 +89,14 @@ class SpeakerLobby(Protocol):
     shell: Any
     holdings: Holdings
     label: str
-    released_at: int
+    lease: LobbyLease
 
-    def feed(self, data: bytes) -> None:
+    def take_input(self, data: bytes) -> None:
         """Add bytes to the input, as if the client had sent them."""
+        ...
+
+    def release_devices(self) -> None:
+        """Stop the devices that the lobby moves."""
         ...
 
     def quit(self) -> None:
@@ -162,11 +181,7 @@ def release_devices(world: World, this: Value) -> None:
 
     The statements that move them end with an error; statements that begin later may move them again.
     """
-    lobby = own_lobby(world, this)
-    world.scheduler.epoch += 1
-    lobby.released_at = world.scheduler.epoch
-    for hear in list(world.devices_released):
-        hear(lobby)
+    own_lobby(world, this).release_devices()
     world.scheduler.running().renew()
 
 
@@ -181,7 +196,7 @@ def receive(world: World, this: Value, text: str) -> None:
     waiting = lobby.shell.waiting
     if waiting + len(text) > MAX_UNREAD_SIZE:
         raise errors.primitive(f"too much to be read: {waiting} bytes wait already, {len(text)} more are too many")
-    lobby.feed(text.encode("latin-1", "replace"))
+    lobby.take_input(text.encode("latin-1", "replace"))
 
 
 @TABLE.primitive("interrupt")
@@ -283,6 +298,23 @@ def install(world: World, programs: Any) -> None:
     table.install(world, world.lobby_proto)
     shared.install(world, world.global_)
     world.lobby_proto.slots["onDisconnect"] = world.event_proto.clone()
+    _install_lease(world)
+
+
+def _install_lease(world: World) -> None:
+    """Install ``lease``."""
+
+    def read(this: Value) -> float:
+        return 0.0 if this is world.lobby_proto else connected_lobby(this).lease.seconds
+
+    def write(this: Value, value: Value) -> None:
+        lobby = own_lobby(world, this)
+        try:
+            lobby.lease.set_length(world.as_float(value, None, "lease"))
+        except ValueError as error:
+            raise errors.primitive(str(error)) from error
+
+    field(world, world.lobby_proto, "lease", read, write)
 
 
 def _all(world: World, programs: Any) -> List:

@@ -171,6 +171,9 @@ class Motion:
             return
         if job.epoch < self._mark:
             raise errors.MovementStopped(f"{self._name} was stopped after this statement had begun: {self.reason}")
+        silence = getattr(job.context, "silence", "")
+        if silence:
+            raise errors.MovementRefused(f"{_client(job.context)} {silence}, so it cannot move {self._name}")
         if job.epoch < getattr(job.context, "released_at", 0):
             raise errors.MovementStopped(
                 f"{_client(job.context)} has released its devices after this statement had begun"
@@ -195,7 +198,7 @@ class Motion:
         self.check()
         self.check_device(device)
         origin = last
-        if origin is None or statement is None or origin.epoch != self.epoch or origin.mark < self.since(device):
+        if origin is None or statement is None or not self.is_live(origin, device):
             origin = self.origin()
         if origin.pace != pace:
             origin = replace(origin, pace=pace)
@@ -350,7 +353,7 @@ class Motion:
             self._end_of_lease(lease, f"the connection of {_client(lease)} is closed, which moved it")
 
     def _client_lets_go(self, lease: Any) -> None:
-        self._end_of_lease(lease, f"{_client(lease)} has released it")
+        self._end_of_lease(lease, f"{_client(lease)} {getattr(lease, 'silence', '') or 'has released it'}")
 
     def _end_of_lease(self, lease: Any, reason: str) -> None:
         devices = tuple(device for device, origin in self._moved_by.items() if origin.lease is lease)

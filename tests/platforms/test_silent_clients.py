@@ -1,0 +1,82 @@
+"""A client with a lease (``lobby.lease``) that sends nothing any more, as one that is held by SIGSTOP."""
+
+from __future__ import annotations
+
+import pytest
+from segway_lab import Lab
+
+from urbihw.kernel.lobby.lobby import Lobby
+
+
+class Drive:
+    """A Segway that a client with a lease of 2 s drives, at 1 m/s in the end."""
+
+    def __init__(self) -> None:
+        self.lab = Lab.ready()
+        self.client = self.lab.kernel.open_lobby()
+        self.say(b"lobby.lease = 2s; rmp.forwardSpeed = 1;")
+
+    def say(self, data: bytes, lobby: Lobby | None = None) -> bytes:
+        """Send something; what comes back at once."""
+        lobby = lobby or self.client
+        self.lab.kernel.feed(lobby, data)
+        self.lab.run(0)
+        return lobby.output.take_bytes()
+
+    def speed_after(self, seconds: float) -> float:
+        """The speed of the body some time later."""
+        self.lab.run(seconds)
+        return round(self.lab.base.body.speed, 2)
+
+
+@pytest.fixture
+def drive() -> Drive:
+    return Drive()
+
+
+def test_it_drives_on_while_the_client_sends_empty_lines(drive: Drive) -> None:
+    for _ in range(5):
+        drive.say(b"\n")
+        assert drive.speed_after(1.9) == 1.0
+    assert drive.client.output.take_bytes() == b""
+
+
+def test_it_stands_when_the_client_is_silent_and_drives_when_it_speaks_again(
+    drive: Drive, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert drive.speed_after(1.9) == 1.0
+    assert drive.speed_after(2.0) == 0.0
+    assert "has sent nothing for 2 s (lobby.lease)" in caplog.text
+    assert drive.speed_after(5.0) == 0.0
+    drive.say(b"rmp.forwardSpeed = 1;")
+    assert drive.speed_after(1.9) == 1.0
+    assert drive.speed_after(2.0) == 0.0, "the second time, too"
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        b"every (100ms) { rmp.forwardSpeed = 1 },",
+        b"every (100ms) { try { rmp.forwardSpeed = 1 } catch {} },",
+        b"var n = 0|; every (100ms) n += 1, at (n % 2 == 0) rmp.forwardSpeed = 1;",
+        b"var l = Lobby.create|; l.receive(\"every (100ms) { rmp.forwardSpeed = 1 },\");",
+        b"every (100ms) { rmp.forwardSpeed = 1; lobby.receive(\"\\n\"); },",
+    ],
+    ids=["loop", "loop that catches", "handler", "made lobby", "loop that speaks for the client"],
+)
+def test_no_program_of_a_silent_client_moves_it(drive: Drive, program: bytes) -> None:
+    drive.say(program)
+    assert drive.speed_after(1.9) == 1.0
+    assert drive.speed_after(2.0) == 0.0
+    assert drive.speed_after(3.0) == 0.0
+
+
+def test_a_lease_is_ended_by_zero_and_belongs_to_its_own_connection(drive: Drive) -> None:
+    other = drive.lab.kernel.open_lobby()
+    drive.say(b"var Global.driver = lobby|;")
+    other.output.take_bytes()
+    assert b"belongs to another connection" in drive.say(b"Global.driver.lease = 0;", other)
+    assert b"[00" in drive.say(b"lobby.lease;") and b" 2\n" in drive.say(b"lobby.lease;")
+    assert b"a lease lasts for 0.1 to 3600 s, or 0 s for none" in drive.say(b"lobby.lease = 10ms;")
+    drive.say(b"lobby.lease = 0;")
+    assert drive.speed_after(10.0) == 1.0
