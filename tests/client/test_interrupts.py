@@ -22,6 +22,14 @@ pytestmark = pytest.mark.e2e
 STEPS = range(1, 400, 3)
 
 
+@pytest.fixture(autouse=True)
+def ctrl_c() -> Iterator[None]:
+    """Python's own handler, also where the tests run in the background, which ignores SIGINT."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.fixture
 def robot(tmp_path: Path) -> Iterator[Robot]:
     lan = Lan(tmp_path)

@@ -173,5 +173,6 @@ def test_a_brick_that_is_absent_or_in_use_is_waited_for_and_told_in_one_line(
     empty = f"usb://0694:0002?backend=urbihw_fakes.nxt.usb_backend:bus&at={tmp_path / 'none'}"
     assert "waiting for the robot" in (line := waits_for(empty)) and "no USB device 0694:0002; is it plugged in" in line
     assert "waiting for the robot on /dev/rfcomm77: no such port" in waits_for("/dev/rfcomm77")
-    serve("--url", usb.url)
+    owner = serve("--url", usb.url)
+    until(lambda: "3 motors" in owner.log())
     assert "in use by another program" in waits_for(usb.url)

@@ -160,8 +160,8 @@ def _ends(pid: int) -> bool:
 
 
 def test_programs_end_with_their_connection(talk: Talk, tmp_path: Path) -> None:
-    told = "echo $$ > {0}; exec sleep 20"
-    left = "nohup sh -c 'echo $$ > ignores; exec sleep 20' > /dev/null"
+    told = "echo $$ > {0}; exec sleep 600"
+    left = "nohup sh -c 'echo $$ > ignores; exec sleep 600' > /dev/null"
     talk.say(f"""System.system("sh -c '{told.format("left")}' &");""")
     talk.say(f'var p = Process.new("sh", ["-c", "{told.format("process")}"])|; p.run; echo(p.stdout);')
     talk.say(f'detach({{ System.system("{told.format("command")}") }})|;')

@@ -399,4 +399,4 @@ def test_nobody_on_the_bus_and_two_with_one_id(serve: Callable[..., Daemon], tmp
         crowd.start()
         daemon = serve("--url", crowd.url, "--quiet")
         assert daemon.client().ask("motors.keys;") == "[1]"
-        assert "several devices answer to id 3" in daemon.log()
+        until(lambda: "several devices answer to id 3" in daemon.log())

@@ -8,11 +8,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import dynamixel_sdk  # type: ignore[import-untyped]
 import pytest
 import rustypot
+from patient_sdk import make_patient
 
 from urbihw_fakes.bioloid import Bioloid
 from urbihw_fakes.dynamixel.catalogue import make_servos
@@ -20,7 +20,7 @@ from urbihw_fakes.endpoint import PtyEndpoint
 
 pytestmark = pytest.mark.e2e
 
-WAIT = 10.0
+WAIT = 60.0
 BAUD = 1_000_000
 CHAIN = "MX-28:1,MX-64:2,RX-28:3,XL-320:11,XM430-W350:12,PH54-200-S500-R:13,H54-200-S500-R:14,YM070-210-R099-RH:15"
 
@@ -67,7 +67,7 @@ def test_rustypot_moves_an_xl320(chain: PtyEndpoint) -> None:
 def test_dynamixel_sdk_moves_large_servos(
     chain: PtyEndpoint, servo: int, model: int, torque: int, goal: int, place: int, target: int
 ) -> None:
-    port: Any = dynamixel_sdk.PortHandler(chain.path)
+    port = make_patient(dynamixel_sdk.PortHandler(chain.path))
     assert port.openPort() and port.setBaudRate(BAUD)
     try:
         handler = dynamixel_sdk.PacketHandler(2.0)
@@ -82,7 +82,7 @@ def test_dynamixel_sdk_moves_large_servos(
 
 
 def test_dynamixel_sdk_turns_an_mx_and_an_rx_as_wheels(chain: PtyEndpoint) -> None:
-    port: Any = dynamixel_sdk.PortHandler(chain.path)
+    port = make_patient(dynamixel_sdk.PortHandler(chain.path))
     assert port.openPort() and port.setBaudRate(BAUD)
     try:
         handler = dynamixel_sdk.PacketHandler(1.0)
