@@ -8,7 +8,7 @@ import pytest
 
 from urbihw.kernel import Kernel
 from urbihw.kernel.runtime.arguments import annotated_type
-from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.primitive import CheckedPrimitive, Table
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.clock import SimClock
 
@@ -44,3 +44,12 @@ def test_a_class_that_the_module_does_not_have_is_named_when_the_built_in_is_mad
 
     with pytest.raises(NameError, match="no class Nowhere for thing"):
         annotated_type(lost, "thing")
+
+
+def test_each_built_in_of_the_library_finds_the_classes_of_its_arguments() -> None:
+    """Their checks are made at the first call, so that a start does without them."""
+    world = Kernel(SimClock()).world
+    made = [value for proto in world.classes.values() for value in proto.slots.values()]
+    checked = [value for value in made if isinstance(value, CheckedPrimitive)]
+    assert len(checked) > 500
+    assert all(primitive.fn for primitive in checked)

@@ -238,6 +238,10 @@ class Ax12(Unit1):
     def _run(self, steps: int) -> None:
         get = self.registers.get
         torque = self.powered and bool(get("torque_enable"))
+        if not torque and self.speed == 0.0 and abs(self.load) <= FRICTION:
+            self.drive = 0.0
+            self._strain(steps * STEP, 0.0)
+            return
         wheel = self.wheel
         limit = get("torque_limit") / 1023
         law = WheelDrive(get("moving_speed"), limit) if wheel else _Joint(self, limit)

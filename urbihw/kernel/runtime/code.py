@@ -253,6 +253,11 @@ class DirectPrimitive(Primitive):
         self, world: World, name: str, fn: Callable[..., Any], least: int, most: int, direct: Direct
     ) -> None:
         super().__init__(world, name, fn, least, most)
+        self.fill(fn, direct)
+
+    def fill(self, fn: Callable[..., Any], direct: Direct) -> None:
+        """Set the functions that run it."""
+        self.fn = fn
         self.c0 = direct[0] or super().c0  # type: ignore[method-assign]
         self.c1 = direct[1] or super().c1  # type: ignore[method-assign]
         self.c2 = direct[2] or super().c2  # type: ignore[method-assign]
