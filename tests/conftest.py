@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import gc
 import os
+from collections import Counter
 from collections.abc import Iterator
 from ctypes.util import find_library
 from importlib import import_module
@@ -22,6 +23,17 @@ from urbihw.kernel.compiler import library
 E2E = Path(__file__).parent / "e2e"
 SHARED_OUT = ("tests/platforms/", "tests/e2e/test_faults.py", "tests/hostile/test_attacks.py")
 """Where cases of one file may run in several workers."""
+ONE_OF = {
+    "e2e/test_drive.py::test_keys_that_stop": 2,
+    "e2e/test_drive.py::test_signals_that_stop": 2,
+    "e2e/test_faults.py::test_the_body_stands_and_stays_so": 2,
+    "e2e/test_sandbox.py::test_a_simulated_robot_is_served_in_the_sandbox": 3,
+    "e2e/test_simulated_worlds.py::test_the_others_are_served_in_their_world": 2,
+    "e2e/test_webots_faults.py::test_a_wrong_model_is_one_line_and_a_right_one_is_taken": 3,
+    "hostile/test_attacks.py::test_an_attack_harms_nobody_else": 2,
+}
+"""Tests with real processes whose cases differ little and take seconds each: `make test` plays one case of so many,
+`make long` plays the others."""
 MOST_DESCRIPTORS = 400
 """Of a process that runs tests; `select` takes numbers up to 1023."""
 if find_library("EGL"):
@@ -32,10 +44,17 @@ GC_THRESHOLDS = 30_000, 5, 5
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark by folder: a test cannot forget to say that it uses real time."""
+    """Mark by folder: a test cannot forget to say that it uses real time.  Mark by ``ONE_OF`` which cases are long."""
+    cases: Counter[str] = Counter()
     for item in items:
         if E2E in item.path.parents:
             item.add_marker("e2e")
+        test, bracket, _ = item.nodeid.partition("[")
+        fewer = ONE_OF.get(test.removeprefix("tests/"))
+        if fewer is not None and bracket:
+            if cases[test] % fewer:
+                item.add_marker("long")
+            cases[test] += 1
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:

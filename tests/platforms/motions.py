@@ -187,12 +187,18 @@ class DeadWorker(HandWorker):
 
 @dataclass
 class Scene:
-    """A robot that moves, from ``begin`` on; ``measured`` goes into the report of the test."""
+    """A robot that moves, from ``begin`` on.
+
+    Attributes:
+        measured: goes into the report of the test.
+        stay: seconds for which a body that stands is looked at.
+    """
 
     motion: Motion
     kind: Kind
     folder: Path
     measured: list[tuple[str, object]]
+    stay: float = 5.0
     samples: list[Sample] = field(default_factory=list)
     held: bool = False
 

@@ -19,8 +19,8 @@ from motions import DEAD_MAN, Motion, Scene
 
 from urbihw.platforms import folders
 
-STAY = 5.0
-"""Seconds for which a body that stands is looked at."""
+STAY, STAY_LONG = 2.0, 5.0
+"""Seconds for which a body that stands is looked at, in `make test` and in `make long`."""
 GAP = 0.3
 """Seconds in which a worker is replaced."""
 LOST = 1.0
@@ -66,13 +66,14 @@ def every_motion(turn: int) -> Callable[[Test], Test]:
 def scene(request: pytest.FixtureRequest, tmp_path: Path) -> Scene:
     """Each kind of motion of each platform, ready to begin."""
     motion, kind = request.param
-    return Scene(motion, kind, tmp_path, request.node.user_properties)
+    stay = STAY_LONG if request.node.get_closest_marker("long") else STAY
+    return Scene(motion, kind, tmp_path, request.node.user_properties, stay)
 
 
 def stands(scene: Scene, since: float, more: float = 0.0) -> None:
     """The body stands within the time of its platform (and ``more``) since then, and stays so."""
     within = more + scene.motion.standstill
-    scene.run(max(0.0, since + within - scene.now()) + STAY)
+    scene.run(max(0.0, since + within - scene.now()) + scene.stay)
     stood = max(scene.moved_last(), since)
     scene.measured.append(("standstill", round(stood - since, 3)))
     assert stood - since <= within, f"it moves {stood - since:.2f} s after the event"
@@ -182,7 +183,7 @@ def test_a_link_that_was_lost(scene: Scene) -> None:
     scene.link_lost(LOST)
     back = scene.now()
     if scene.kind.live:
-        scene.run(STAY)
+        scene.run(STAY_LONG)
         after = scene.pace(back)
         scene.measured.append(("faster", round(after / before, 3)))
         assert after <= FASTER * before + scene.motion.grain

@@ -15,7 +15,7 @@ from urbihw.kernel.uobject import BadConfig, NotReady
 from urbihw.platforms.webots import port as ports
 
 WORLDS = ports.WORLDS
-SHORT, LONG = 2, 10
+SHORT, LONG = 1, 10
 LINES = 60
 """A behaviour is shorter than this."""
 
