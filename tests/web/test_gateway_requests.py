@@ -165,7 +165,7 @@ def test_what_is_no_path_never_reaches_the_daemon(tmp_path: Path, slot: Any) -> 
 def test_what_only_tells_something_is_answered_however_long_it_takes(tmp_path: Path) -> None:
     async def test(made: Site) -> None:
         browser = await made.browser("full")
-        made.daemon.value, made.daemon.delay = '["wave", []]', 3 * TAKEN_S
+        made.daemon.value, made.daemon.delay = '[["wave", []]]', 3 * TAKEN_S
         assert (await browser.ask("call", slot="robot.teaching", args=[]))["value"] == ["wave", []]
         assert "value" not in await browser.ask("call", slot="robot.go", args=[1])
 

@@ -136,7 +136,8 @@ async def call(session: WebSession, request: Request) -> dict[str, Any]:
     # A function without a value is no error.
     body = f"var __value = {written_path(slot)}({text}).acceptVoid | if (__value.isVoid) nil else __value"
     if slot.rpartition(".")[2] in TELLING_CALLS:
-        return {"value": await session.link.value(body)}
+        # In a list, because nil alone is no line.
+        return {"value": (await session.link.value(f"[{written_path(slot)}({text})]"))[0]}
     line = await _taken(session, session.link.begin(body))
     return {"running": True} if line is None else {"value": plain_value(line)}
 

@@ -13,13 +13,11 @@ export function Motions() {
   const [name, setName] = useState("");
   const [speed, setSpeed] = useState(1);
   const look = async () => {
-    try {
-      const [motions, poses, playing, teaching] = await Promise.all(["motions", "poses", "playing", "teaching"].map((each) =>
-        connection.ask("call", { slot: `robot.${each}`, args: [] })));
-      setLists({ motions: motions.value || [], poses: poses.value || [], playing: playing.value || [], teaching: teaching.value ?? null });
-    } catch {
-      // Another browser drives, or the interpreter is held: shown in the bar.
-    }
+    // What is not answered stays as it was: another browser drives, or the interpreter is held, as the bar shows.
+    const names = ["motions", "poses", "playing", "teaching"];
+    const answers = await Promise.allSettled(names.map((each) => connection.ask("call", { slot: `robot.${each}`, args: [] })));
+    const known = answers.flatMap(({ value }, at) => (value && "value" in value ? [[names[at], value.value ?? (names[at] === "teaching" ? null : [])]] : []));
+    setLists((before) => ({ ...before, ...Object.fromEntries(known) }));
   };
   useEffect(() => {
     if (!mayDrive()) return undefined;
