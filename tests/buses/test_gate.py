@@ -153,3 +153,79 @@ def test_the_epoch_never_goes_back() -> None:
     assert authority.refusal(4) and not authority.refusal(5)
     authority.advance()
     assert authority.epoch == 6 and authority.refusal(5)
+
+
+def wheel(rig: Rig, number: int, speed: int) -> None:
+    """Let a servo turn, as somebody else has told it."""
+    for item in ("cw_limit", "ccw_limit"):
+        rig.kit.servo(number).registers.put(item, 0)
+    rig.kit.servo(number).registers.put("torque_enable", 1)
+    rig.kit.servo(number).registers.put("moving_speed", speed)
+
+
+def test_a_wheel_that_turns_when_the_worker_comes_is_stopped(rig: Rig) -> None:
+    wheel(rig, 3, 500)
+    bench = Bench(rig, m.Configure(dead_man=0))
+    heard = bench.run(1.0)
+    assert rig.kit.servo(3).registers.get("moving_speed") == 0
+    assert [stopped.reason for stopped in of(m.Stopped, heard)] == ["3 moved when the link was opened"]
+    bench.close()
+
+
+def test_another_robot_at_the_same_link_does_not_go_on_with_what_was_begun(bench: Bench) -> None:
+    bench.tell(m.Limits({GOAL: m.Limit(0, 1023, 100.0, "limits")}), m.Targets({GOAL: 900}))
+    bench.run(1.0)
+    bench.rig.end.unplug()
+    bench.run(0.3)
+    bench.engine._driver.identity = "another"
+    bench.engine._identity = "the first"
+    bench.rig.end.replug()
+    heard: list[m.FromWorker] = []
+    for _ in range(20):
+        bench.tell(m.Targets({GOAL: 900}))
+        heard += bench.run(0.1)
+    (stopped,) = of(m.Stopped, heard)
+    assert stopped.reason.startswith("another robot answers")
+    stood = place(bench)
+    bench.tell(m.Targets({GOAL: 900}))
+    bench.run(1.0)
+    assert place(bench) == pytest.approx(stood, abs=2)
+
+
+@pytest.mark.parametrize("silent_s", (0.02, 1.0))
+def test_a_joint_that_answers_again_holds_where_it_is(bench: Bench, silent_s: float) -> None:
+    """It was stopped while it was silent for a moment, or it was lost."""
+    bench.tell(m.Targets({(6, "moving_speed"): 60, GOAL: 900}))
+    bench.run(0.5)
+    assert place(bench) < 700
+    bench.rig.kit.faults.start("silence", 6)
+    if silent_s < 0.1:
+        bench.run(0.02)
+        bench.tell(m.Stop(1))
+    bench.run(silent_s)
+    bench.rig.kit.faults.stop("silence", 6)
+    bench.run(1.5)
+    stood = place(bench)
+    bench.run(1.0)
+    assert place(bench) == pytest.approx(stood, abs=2) and stood < 850
+
+
+def test_a_joint_that_gets_too_hot_on_its_way_stops_there(bench: Bench) -> None:
+    servo = bench.rig.kit.servo(6)
+    servo.heat(40.0)
+    bench.tell(m.Limits({}, (holding(60.0),)), m.Targets({(6, "moving_speed"): 60, GOAL: 900}))
+    bench.run(0.5)
+    servo.heat(61.0)
+    bench.run(0.2)
+    stood = place(bench)
+    bench.run(1.0)
+    assert place(bench) == pytest.approx(stood, abs=2) and stood < 850
+
+
+def test_targets_of_before_a_stop_stay_refused(bench: Bench) -> None:
+    bench.tell(m.Targets({GOAL: 900}), m.Stop(1))
+    bench.run(0.1)
+    stood = place(bench)
+    bench.tell(m.Targets({GOAL: 900}))
+    bench.run(1.0)
+    assert place(bench) == pytest.approx(stood, abs=2)

@@ -312,3 +312,13 @@ def test_two_ticks_at_one_time_after_the_limits_have_gone(rig: Rig) -> None:
     rig.points.set_limits({}, rig.now)
     assert rig.points.next_targets(rig.now) == {KEY: 522}
     assert rig.steps(0.1) == [600]
+
+
+def test_a_ramp_begins_where_the_device_is_when_a_hand_has_moved_it(rig: Rig) -> None:
+    rig.points.set_limits({KEY: Limit(rate=100.0)})
+    rig.take(522)
+    rig.steps(1.0)
+    rig.places[KEY] = 800.0
+    assert rig.take(530) is None
+    given = rig.steps(0.1)
+    assert max(given) == pytest.approx(799, abs=1) and min(given) >= 788

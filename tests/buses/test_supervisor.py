@@ -243,6 +243,19 @@ def test_the_next_one_is_held_by_the_emergency_stop_of_the_last_one(rig: Rig, to
     assert rig.worker.told == []
 
 
+def test_what_waits_for_a_worker_that_does_not_read_is_not_for_the_next_one(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def busy(message: ToWorker) -> None:
+        raise module.WorkerBusy("the pipe is full")
+
+    monkeypatch.setattr(rig.worker, "send", busy)
+    rig.supervisor.send(m.Request(1, "write", 6, "goal_position", 900))
+    rig.worker.end("it died")
+    rig.supervisor.send(m.Watch(6, ("present_position",)))
+    assert rig.worker.told == [m.Watch(6, ("present_position",))]
+
+
 def test_each_one_begins_a_later_epoch_than_all_that_was_heard(rig: Rig) -> None:
     rig.supervisor.send(m.Targets({}, 3))
     rig.worker.end("it died")

@@ -49,6 +49,14 @@ def test_only_sockets_without_a_process_are_removed(folder: Path) -> None:
         ]  # fmt: skip
 
 
+def test_the_sockets_of_another_user_are_left(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bound(folder / "urbi-54000.socket").close()
+    mine = os.geteuid()
+    monkeypatch.setattr(os, "geteuid", lambda: mine + 1)
+    remove_dead_sockets(folder)
+    assert names(folder) == ["urbi-54000.socket"]
+
+
 def test_a_folder_that_is_not_there_is_no_matter(folder: Path) -> None:
     remove_dead_sockets(folder / "none")
 

@@ -81,6 +81,12 @@ def test_the_free_way_along_an_arc(point: tuple[float, float], curvature: float,
     assert free_way([point], curvature, 0.2, 0.03) == pytest.approx(free)
 
 
+def test_a_point_that_the_hull_touches_only_with_its_margin_ends_the_way() -> None:
+    for side in (1, -1):
+        assert free_way([(0.5, 0.21 * side)], 0.0, 0.2, 0.03) == pytest.approx(0.5)
+        assert free_way([(0.5, 0.24 * side)], 0.0, 0.2, 0.03) == math.inf
+
+
 def test_what_closes_a_path() -> None:
     path = [(0.0, 0.0), (2.0, 0.0), (2.0, 3.0)]
     assert closes_path([(1.0, 0.2)], path, 0.25, 3.0)

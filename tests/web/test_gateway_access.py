@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import aiohttp
 import pytest
 from browser_lab import Site, site
 
-from urbihw.web.pairing import CODE_LIFETIME_S, BadPairing, Pairings
+from urbihw.web.pairing import CODE_LIFETIME_S, COOKIE_DAYS, BadPairing, Pairings
 
 Test = Callable[[Site], Awaitable[None]]
 
@@ -148,6 +149,18 @@ def test_a_code_ends_after_two_minutes_and_belongs_to_its_port(tmp_path: Path) -
     assert pairings.find(cookie, 54081) is None and pairings.find("x", 54080) is None
     assert cookie not in (tmp_path / "browsers").read_text()
     assert (tmp_path / "browsers").stat().st_mode & 0o077 == 0
+
+
+def test_a_cookie_ends_after_its_days(tmp_path: Path) -> None:
+    pairings = Pairings(tmp_path, Clock())
+    made = pairings.redeem(pairings.make_code("anna", "drive", 54080), 54080)
+    assert made is not None
+    browser, cookie = made
+    file, today = tmp_path / "browsers", datetime.now(UTC).date()
+    for days, known in ((COOKIE_DAYS - 1, True), (COOKIE_DAYS + 2, False)):
+        file.write_text(file.read_text().replace(browser.made, (today - timedelta(days=days)).isoformat()))
+        assert (pairings.find(cookie, 54080) is not None) is known
+        file.write_text(file.read_text().replace((today - timedelta(days=days)).isoformat(), browser.made))
 
 
 def test_wrong_names_and_roles_are_refused(tmp_path: Path) -> None:
