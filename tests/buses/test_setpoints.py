@@ -315,7 +315,7 @@ def test_two_ticks_at_one_time_after_the_limits_have_gone(rig: Rig) -> None:
 
 
 def test_a_ramp_begins_where_the_device_is_when_a_hand_has_moved_it(rig: Rig) -> None:
-    rig.points.set_limits({KEY: Limit(rate=100.0)})
+    rig.points.set_limits({KEY: Limit(rate=100.0)}, rig.now)
     rig.take(522)
     rig.steps(1.0)
     rig.places[KEY] = 800.0

@@ -13,6 +13,7 @@ from urbihw.buses import supervisor as module
 from urbihw.buses.errors import LinkGone, Unavailable
 from urbihw.buses.messages import FromWorker, ToWorker
 from urbihw.buses.supervisor import FIRST_BACK_OFF_S, LAST_BACK_OFF_S, MOST_AT_ONCE, Supervisor
+from urbihw.buses.worker import WorkerBusy
 
 URL = "pipe://robot"
 
@@ -247,7 +248,7 @@ def test_what_waits_for_a_worker_that_does_not_read_is_not_for_the_next_one(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def busy(message: ToWorker) -> None:
-        raise module.WorkerBusy("the pipe is full")
+        raise WorkerBusy("the pipe is full")
 
     monkeypatch.setattr(rig.worker, "send", busy)
     rig.supervisor.send(m.Request(1, "write", 6, "goal_position", 900))

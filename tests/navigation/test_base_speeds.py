@@ -9,7 +9,7 @@ import pytest
 
 from urbihw.navigation.drive import STALL_TIMEOUT_S, Drive, Safety, State
 
-FREE = State(time=0.0, v=0.0, w=0.0, front=math.inf, rear=math.inf, stalled=False)
+FREE = State(time=0.0, v=0.0, w=0.0)
 
 
 def drive() -> Drive:
@@ -22,15 +22,15 @@ def drive() -> Drive:
 def test_a_base_slows_down_before_an_obstacle_and_never_backs_away_from_it(sign: float) -> None:
     base = drive()
     base.set(v=0.5 * sign)
-    ahead = "front" if sign > 0 else "rear"
-    speeds = [
-        base.step(replace(FREE, **{ahead: room}))[0]
-        for room in (2.0, 1.2, 0.7, 0.2, 0.1)
-    ]
+
+    def with_room(ahead: float, behind: float = math.inf) -> float:
+        front, rear = (ahead, behind) if sign > 0 else (behind, ahead)
+        return base.step(replace(FREE, front=front, rear=rear))[0]
+
+    speeds = [with_room(room) for room in (2.0, 1.2, 0.7, 0.2, 0.1)]
     assert speeds == pytest.approx([0.5 * sign, 0.5 * sign, 0.25 * sign, 0.0, 0.0])
     # What is behind it does not matter.
-    behind = "rear" if sign > 0 else "front"
-    assert base.step(replace(FREE, **{behind: 0.1}))[0] == pytest.approx(0.5 * sign)
+    assert with_room(math.inf, 0.1) == pytest.approx(0.5 * sign)
 
 
 def test_a_speed_is_never_beyond_that_of_the_base() -> None:
