@@ -188,7 +188,7 @@ class Clock(Protocol):
     """The clock interface of an in-memory endpoint, real or simulated."""
 
     def now(self) -> float:
-        """Seconds."""
+        """The time in seconds on a steady scale."""
 
     def sleep(self, seconds: float) -> None:
         """Advance by a number of seconds."""
@@ -201,7 +201,7 @@ class SteppedClock:
         self._now = now
 
     def now(self) -> float:
-        """Seconds."""
+        """The time in seconds, which moves by steps only."""
         return self._now
 
     def sleep(self, seconds: float) -> None:

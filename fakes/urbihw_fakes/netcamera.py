@@ -52,7 +52,7 @@ class NetCamera:
 
     @property
     def port(self) -> int:
-        """Its TCP port."""
+        """The TCP port of the camera."""
         return self._server.server_address[1]
 
     def url(self, path: str, user: str = "") -> str:

@@ -176,7 +176,7 @@ class Endpoint(ABC):
         self._watched[descriptor] = ready
 
     def unwatch(self, descriptor: int) -> None:
-        """Stop watching it."""
+        """Stop watching a descriptor for events."""
         self._watched.pop(descriptor, None)
 
     # --- the loop -------------------------------------------------------------------------------------------------

@@ -82,7 +82,7 @@ class ControlCommand:
 
 
 class _Client:
-    """One connection."""
+    """The connection of one client of the control socket."""
 
     def __init__(self, connection: socket.socket) -> None:
         connection.setblocking(False)
@@ -99,7 +99,6 @@ class _Client:
         self._dropped = 0
 
     def fileno(self) -> int:
-        """Its descriptor."""
         return self.socket.fileno()
 
     def read_command(self) -> list[ControlCommand]:

@@ -421,7 +421,7 @@ class Engine:
             self._link.guard(lambda: self._tell_what_moved(self._driver.stop_on_reconnect()))
 
     def _stop_what_moves(self) -> None:
-        """Raises LinkGone."""
+        """Stop the devices that moved when the link was opened.  Raises LinkGone."""
         self._tell_what_moved(self._driver.stop_what_moves())
 
     def _tell_what_moved(self, moved: tuple[Any, ...]) -> None:

@@ -64,7 +64,7 @@ class Visitor(ABC):
 
     @abstractmethod
     def receive(self, data: bytes) -> None:
-        """Bytes have come."""
+        """Handle bytes that have come from the visitor."""
 
     @abstractmethod
     def work(self, most: int) -> int:

@@ -54,7 +54,7 @@ def find(seconds: float) -> list[dict[str, Any]]:
     names: dict[str, None] = {}
 
     class NameCollector(ServiceListener):
-        """Collects names."""
+        """Collects the names of the servers that answer."""
 
         def add_service(self, zc: Zeroconf, type_: str, name: str) -> None:
             names[name] = None

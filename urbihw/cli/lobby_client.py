@@ -150,7 +150,7 @@ class LobbyClient:
         return CliRefused(str(reason) if isinstance(reason, Denied) else f"{self.peer}: {reason}")
 
     def close(self) -> None:
-        """Close the connection."""
+        """Close the connection to the server."""
         self._connection.close()
 
     def __enter__(self) -> LobbyClient:

@@ -13,5 +13,5 @@ def options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Request the release."""
+    """Ask the workers to release the emergency stop; returns the exit code."""
     return control.run("release", options)

@@ -35,7 +35,7 @@ class Report(NamedTuple):
 
     @property
     def level(self) -> Level:
-        """The verdict."""
+        """The verdict on the robot."""
         return level_of(self.findings)
 
 

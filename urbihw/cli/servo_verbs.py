@@ -153,7 +153,7 @@ def reset(job: VerbJob) -> None:
 
 
 def reboot(job: VerbJob) -> None:
-    """Restart a servo."""
+    """Restart a servo, as after a loss of power."""
     device = job.find(job.options.id)
     changes.reboot(job.line.link, device)
     job.dialogue.say(f"servo {device.id}: restarted")

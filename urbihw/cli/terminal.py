@@ -58,7 +58,7 @@ class Terminal:
         return self._output.code
 
     def feed(self, text: bytes) -> None:
-        """Run a text."""
+        """Run a text as if it had been typed."""
         self.lobby.feed(text)
 
     def idle(self) -> asyncio.Future[None]:

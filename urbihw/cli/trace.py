@@ -256,7 +256,7 @@ class Printer:
         self.is_full = False
 
     def show(self, packets: Iterable[TracedPacket]) -> None:
-        """Print packets."""
+        """Print packets, one line for each."""
         for packet in packets:
             if self.is_full:
                 return

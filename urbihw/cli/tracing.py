@@ -91,7 +91,7 @@ class WorkerTraffic:
         return CliRefused(_no_sense(self.path), EX_UNAVAILABLE)
 
     def close(self) -> None:
-        """Close the connection."""
+        """Close the connection to the worker."""
         self._socket.close()
 
     def __enter__(self) -> WorkerTraffic:

@@ -67,7 +67,6 @@ class AsyncSlot:
         return self.slot(key) if isinstance(key, str) else AsyncSlot(self._connection, f"{self._path}[{int(key)}]")
 
     def __await__(self) -> Generator[Any, None, Any]:
-        """Read it."""
         return self._get().__await__()
 
     async def _get(self) -> Any:
@@ -105,7 +104,6 @@ class AsyncSlot:
         return answer
 
     def __repr__(self) -> str:
-        """The path."""
         return f"<{type(self).__name__} {self._path}>"
 
 
@@ -133,11 +131,10 @@ class AsyncItems(Generic[S]):
             await self._connection.open_stream(self._stream)
 
     async def close(self) -> None:
-        """End it."""
+        """End the subscription; no further items come."""
         await self._connection.close_stream(self._stream)
 
     def __aiter__(self) -> Self:
-        """Itself."""
         return self
 
     async def __anext__(self) -> Any:
@@ -149,14 +146,12 @@ class AsyncItems(Generic[S]):
         return item
 
     async def __aenter__(self) -> Self:
-        """Subscribe."""
         await self.begin()
         return self
 
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """End it."""
         await self.close()
 
 
@@ -219,23 +214,20 @@ class AsyncRobot(AsyncSlot):
         return self._connection.connected
 
     def __repr__(self) -> str:
-        """The address."""
         state = "" if self._connection.connected else ", not connected"
         return f"<AsyncRobot at {self._connection.where}{state}>"
 
     async def close(self) -> None:
-        """End the connection."""
+        """End the connection to the server."""
         self._connection.close()
         await asyncio.sleep(0)
 
     async def __aenter__(self) -> AsyncRobot:
-        """Itself."""
         return self
 
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """End the connection."""
         await self.close()
 
 

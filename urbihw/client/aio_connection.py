@@ -19,7 +19,7 @@ P = ParamSpec("P")
 
 
 class _Protocol(asyncio.Protocol):
-    """One connection."""
+    """The protocol of one connection, for asyncio."""
 
     def __init__(self, owner: AsyncConnection, session: Session) -> None:
         self._owner = owner
@@ -109,7 +109,7 @@ class AsyncConnection(CoreOwner):
             self.transport.write(text.encode("latin-1"))
 
     def close(self) -> None:
-        """Close the connection."""
+        """Close the connection to the server."""
         self.core.close()
         self._wake()
 

@@ -21,7 +21,7 @@ class ClientSocket(Protocol):
         """Set the timeout of the other methods, which then raise TimeoutError."""
 
     def sendall(self, data: bytes, /) -> None:
-        """Send all bytes."""
+        """Send all of some bytes."""
 
     def recv(self, size: int, /) -> bytes:
         """Receive at most ``size`` bytes; ``b""`` at the end of the connection."""
@@ -33,7 +33,7 @@ class ClientSocket(Protocol):
         """The descriptor, to wait for bytes."""
 
     def close(self) -> None:
-        """Close the connection."""
+        """Close the connection to the server."""
 
 
 def has_unread(made: ClientSocket) -> bool:

@@ -98,7 +98,7 @@ class Native:
 
 
 class PlainDialect(Native):
-    """For other servers."""
+    """The statements for servers without extensions of urbihw."""
 
     has_short_numbers = True
 

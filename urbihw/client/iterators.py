@@ -30,7 +30,6 @@ class Items(Generic[S]):
         self._connection.close_stream(self._stream)
 
     def __iter__(self: Self) -> Self:
-        """Itself."""
         return self
 
     def _next(self) -> Any:
@@ -40,13 +39,11 @@ class Items(Generic[S]):
         return item
 
     def __enter__(self: Self) -> Self:
-        """Itself."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """End it."""
         self.close()
 
     def __del__(self) -> None:

@@ -27,7 +27,6 @@ class Blob:
         return len(self.data)
 
     def __bytes__(self) -> bytes:
-        """The bytes."""
         return self.data
 
     def __eq__(self, other: object) -> bool:

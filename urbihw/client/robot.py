@@ -77,7 +77,6 @@ class Slot:
         return wrapped(self._connection, answer, "")
 
     def __repr__(self) -> str:
-        """The path."""
         return f"<{type(self).__name__} {self.path}>"
 
 
@@ -164,7 +163,6 @@ class UrbiObject:
         return same and isinstance(other, UrbiObject) and self._path == other._path
 
     def __hash__(self) -> int:
-        """By the path."""
         return hash(self._path)
 
     def _repr_html_(self) -> str:
@@ -275,7 +273,6 @@ class Robot(UrbiObject):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close the connection."""
         self.close()
 
     def urbiscript_path(self) -> str:
@@ -288,7 +285,6 @@ class Robot(UrbiObject):
         return own | {name for name in everybodys if name[:1].islower()} - {*CONSTANTS} | {"messages"}
 
     def __repr__(self) -> str:
-        """The address."""
         state = "" if self.connected else ", not connected"
         return f"<Robot at {self._connection.where}{state}>"
 

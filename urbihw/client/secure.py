@@ -78,7 +78,6 @@ class TlsSocket:
         self._plain.settimeout(seconds)
 
     def sendall(self, data: bytes, /) -> None:
-        """Send all bytes."""
         with self._sending:  # records leave in the order in which they were made
             with self._state:
                 self._tls.write(data)
@@ -113,5 +112,4 @@ class TlsSocket:
             return bool(self.unread) or self._tls.pending() > 0 or self._in.pending > 0
 
     def close(self) -> None:
-        """Close the connection."""
         self._plain.close()

@@ -83,7 +83,7 @@ class Question:
         return self.value
 
     def finish(self, value: Any = None, error: ClientError | None = None) -> None:
-        """It is answered."""
+        """The answer of the server is complete."""
         self.value, self.error, self.done = value, error, True
 
 

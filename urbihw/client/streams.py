@@ -227,7 +227,7 @@ class EventStream(Stream):
         return dialect.unfollow(channel, self.channel)
 
     def take(self, line: Line, convert: Convert, offset: float) -> None:
-        """Store an emission."""
+        """Store an emission of the event."""
         time, lost, args = convert(line)
         self._server_lost = int(lost)
         self.add(EventSample(time + offset, tuple(args)))

@@ -54,11 +54,11 @@ class Announcement:
         self._thread = threading.Thread(target=self._announce, name="announce", daemon=True)
 
     def start(self) -> None:
-        """Begin to announce."""
+        """Begin to announce the server on the network."""
         self._thread.start()
 
     def close(self) -> None:
-        """Withdraw the announcement."""
+        """Withdraw the announcement from the network."""
         self._thread.join(_END_TIMEOUT_S)
         network = self._network
         if network is not None:

@@ -148,7 +148,7 @@ class FakeScene:
         return self._file
 
     def remove(self) -> None:
-        """Remove the file."""
+        """Remove the file of the model."""
         with contextlib.suppress(OSError):
             self._file.unlink()
 

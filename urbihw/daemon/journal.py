@@ -63,7 +63,6 @@ class JournalHandler(logging.Handler):
         self._socket.setblocking(False)
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Send an entry."""
         try:
             entry = b"".join(_field(key, value) for key, value in self._fields(record))
         except Exception:
@@ -77,7 +76,6 @@ class JournalHandler(logging.Handler):
             self._dropped = 0
 
     def close(self) -> None:
-        """Close the socket."""
         self._socket.close()
         super().close()
 

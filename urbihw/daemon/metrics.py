@@ -98,7 +98,7 @@ class MetricsServer:
         loop.run_until_complete(_cancel_all())
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Answer one request."""
+        """Answer one request of a client."""
         room = self._clients < MAX_CLIENTS or self._cut_oldest()
         self._clients += 1
         try:
@@ -158,7 +158,7 @@ class MetricsServer:
 
 
 async def _cancel_all() -> None:
-    """Cut all clients."""
+    """Cut the connections of all clients."""
     tasks = asyncio.all_tasks() - {asyncio.current_task()}
     for task in tasks:
         task.cancel()

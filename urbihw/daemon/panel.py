@@ -69,7 +69,7 @@ class Panel:
         self._thread = threading.Thread(target=self._keep, name="panel", daemon=True)
 
     def start(self) -> None:
-        """Start the gateway."""
+        """Start the gateway as a process of its own."""
         self._thread.start()
 
     def close(self) -> None:

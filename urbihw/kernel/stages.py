@@ -30,7 +30,7 @@ def tokens(statement: Statement) -> str:
 
 
 def tree(statement: Statement) -> str:
-    """The syntax tree."""
+    """The syntax tree of a statement, as text."""
     return repr(statement.node)
 
 
@@ -62,7 +62,7 @@ class Input:
         self._reader = StatementReader()
 
     def feed(self, data: bytes) -> None:
-        """Add bytes."""
+        """Add bytes that have come."""
         self._reader.feed(data)
 
     def ends_within(self) -> bool:

@@ -56,7 +56,7 @@ class Drawing:
         self._parts.append(f'<polyline class="{kind}" points="{corners}"/>')
 
     def add_box(self, box: Bounds, kind: str) -> None:
-        """Add a box."""
+        """Add a box to the picture."""
         x, y = self._at(box[0], box[3])
         wide, high = (box[2] - box[0]) * SCALE, (box[3] - box[1]) * SCALE
         self._parts.append(f'<rect class="{kind}" x="{x:.1f}" y="{y:.1f}" width="{wide:.1f}" height="{high:.1f}"/>')

@@ -34,7 +34,7 @@ class MapSurvey:
         self._builder = mapping.MapBuilder(self._odometry.absolute)
 
     def stop(self) -> None:
-        """Forget the map."""
+        """End the building, and forget the map."""
         self._background.drop()
         self._builder = self._last = None
 

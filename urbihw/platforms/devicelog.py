@@ -64,7 +64,7 @@ class DeviceLog:
         self._log_text(logging.WARNING, text, values, event)
 
     def error(self, text: str, *values: Any, event: str = "") -> None:
-        """Log a failure."""
+        """Log a failure of the device."""
         self._log_text(logging.ERROR, text, values, event)
 
     def log_event(self, news: DeviceEvent, who: str, why: str = "") -> None:

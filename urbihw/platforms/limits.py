@@ -79,7 +79,7 @@ _ROUNDING = 1e-9  # 0.3 m/s are 299.99999999999994 counts of a mm/s
 
 
 class LimitSettings:
-    """The whole table."""
+    """The whole table ``[limits]`` of the settings."""
 
     def __init__(self, general: Mapping[str, Any], devices: Mapping[str, Mapping[str, Any]]) -> None:
         self._general = general

@@ -78,7 +78,6 @@ class Handler(web.RequestHandler):
         self.gone.set()
 
     def data_received(self, data: bytes) -> None:
-        """Bytes have come."""
         self._ahead += len(data)
         if self._ahead > MAX_AHEAD_BYTES and not self.is_socket:
             self._abort()

@@ -68,7 +68,7 @@ class Gateway:
             tasks.create_task(self._disconnect_removed())
 
     async def close(self) -> None:
-        """Disconnect all browsers."""
+        """Disconnect all browsers of the gateway."""
         self.limited_log.close()
         for session in list(self.sessions):
             with contextlib.suppress(TimeoutError):

@@ -154,7 +154,7 @@ class LobbyLink:
             self._connection.transport.pause_reading()
 
     def resume(self) -> None:
-        """Read again."""
+        """Read the output of the server again."""
         if self._connection.transport is not None:
             self._connection.transport.resume_reading()
 

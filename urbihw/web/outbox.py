@@ -29,10 +29,10 @@ class Socket(Protocol):
     """The side of a WebSocket that sends."""
 
     async def send_str(self, data: str) -> None:
-        """Send text."""
+        """Send a text message to the browser."""
 
     async def send_bytes(self, data: bytes) -> None:
-        """Send bytes."""
+        """Send a binary message to the browser."""
 
 
 class WebOutbox:

@@ -125,7 +125,7 @@ class WatchedRobot:
     # ---------------------------------------------------------------- watching
 
     async def run(self) -> None:
-        """Watch the robot."""
+        """Watch the robot until the task is cancelled."""
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(self._watch_worker())
             tasks.create_task(self._watch_daemon())

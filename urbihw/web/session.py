@@ -133,7 +133,7 @@ class WebSession:
 
     @property
     def role(self) -> str:
-        """Its role."""
+        """The role of the browser: what it may do."""
         return self.browser.role
 
     @property
@@ -159,7 +159,7 @@ class WebSession:
                     link.close()
 
     async def close(self, why: str, code: int = WSCloseCode.GOING_AWAY) -> None:
-        """Disconnect the browser."""
+        """Disconnect the browser, and tell it why."""
         await self._socket.close(code=code, message=why.encode())
 
     async def _send(self) -> None:

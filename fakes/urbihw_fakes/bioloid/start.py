@@ -21,7 +21,7 @@ FIRST_X = 21
 
 
 def options(parser: argparse.ArgumentParser) -> None:
-    """Its options."""
+    """The options of the simulated Bioloid on the command line."""
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--pty", nargs="?", const="", metavar="PATH", help="a pseudo terminal, linked at PATH")
     where.add_argument("--tcp", type=int, metavar="PORT", help="a TCP port of this machine; 0 takes a free one")

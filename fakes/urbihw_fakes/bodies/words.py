@@ -18,7 +18,7 @@ class OnWheels(Protocol):
     base: Wheels
 
     def put(self, x: float, y: float, heading: float) -> None:
-        """Put it somewhere."""
+        """Put the robot at a place, standing."""
 
 
 def world_words(robot: OnWheels, advance: Callable[[], None]) -> dict[str, Command]:

@@ -54,7 +54,7 @@ class CanDevice(Device):
         self.node.power_off(now)
 
     def power_on(self, now: float, who: int | None = None) -> None:
-        """Switch it on."""
+        """Switch the device on; it begins as after a reset."""
         self.node.power_on(now)
 
     def _answers(self, sent: list[Timed]) -> list[Answer]:

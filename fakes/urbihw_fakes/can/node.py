@@ -39,7 +39,7 @@ class CanNode(ABC):
         """Return when the next `tick` is due; None for never."""
 
     def power_off(self, now: float) -> None:
-        """Switch it off."""
+        """Switch the node off: it is silent from now on."""
         raise NotImplementedError(f"{type(self).__name__} has no power switch")
 
     def power_on(self, now: float) -> None:

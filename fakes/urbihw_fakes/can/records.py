@@ -30,5 +30,5 @@ class Records:
         return frames, b""
 
     def encode(self, frame: CanFrame) -> bytes:
-        """One record."""
+        """Encode one record for the socket."""
         return _RECORD.pack(frame.id, len(frame.data), frame.data)

@@ -18,7 +18,7 @@ SERVOS = "AX-12:1,AX-12:2,XL330-M288:3,XL330-M288:4,MX-28:5"
 
 
 def options(parser: argparse.ArgumentParser) -> None:
-    """Its options."""
+    """The options of the simulated chain on the command line."""
     feetech.wire_options(parser)
     parser.add_argument("--servos", default=SERVOS, metavar="MODEL:ID,...", help="models and ids (%(default)s)")
 

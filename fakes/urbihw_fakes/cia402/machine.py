@@ -124,7 +124,7 @@ class Machine:
         self.state, self.error = FAULT, code
 
     def status(self) -> int:
-        """The status word."""
+        """The status word, object 6041."""
         word = STATUS[self.state] | REMOTE | VOLTAGE
         if self.state == ENABLED:
             if self._reached():

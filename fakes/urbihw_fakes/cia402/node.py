@@ -47,7 +47,6 @@ class _Task:
         self._net.tasks.discard(self)
 
     def update(self, data: bytes) -> None:
-        """Replace the data."""
         self.data = bytes(data)
 
 
@@ -61,11 +60,9 @@ class _Net(canopen.Network):
         self.tasks: set[_Task] = set()
 
     def send_message(self, can_id: int, data: Any, remote: bool = False) -> None:
-        """Keep it."""
         self.sent.append(Timed(self.now, CanFrame(can_id, bytes(data))))
 
     def send_periodic(self, can_id: int, data: Any, period: float, remote: bool = False) -> Any:
-        """Keep sending it."""
         task = _Task(self, can_id, bytes(data), period)
         self.tasks.add(task)
         return task
@@ -151,7 +148,7 @@ class Drive(CanNode):
         self.powered = False
 
     def power_on(self, now: float) -> None:
-        """Switch on again."""
+        """Switch the drive on again; it starts anew."""
         if not self.powered:
             self.powered = True
             self._start()

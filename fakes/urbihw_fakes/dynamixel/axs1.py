@@ -138,7 +138,7 @@ class AxS1(Unit1):
     # --- what it makes of it --------------------------------------------------------------------------------------
 
     def state_errors(self) -> int:
-        """Voltage and heat."""
+        """The error bits of voltage and heat."""
         get = self.registers.get
         inside = get("min_voltage") <= round(self.volts * 10) <= get("max_voltage")
         return (0 if inside else packet1.ERR_VOLTAGE) | (

@@ -94,7 +94,7 @@ class XSeries(Unit2):
             self.celsius = celsius
 
     def overload(self) -> None:
-        """Simulate an overload."""
+        """Simulate an overload: the servo raises its error bit."""
         self._raise(HW_OVERLOAD)
 
     def clear_turns(self) -> bool:
@@ -109,7 +109,7 @@ class XSeries(Unit2):
 
     @property
     def mode(self) -> int:
-        """The operating mode."""
+        """The operating mode of the servo."""
         return self.registers.get("operating_mode")
 
     @property

@@ -37,7 +37,7 @@ class Model:
 
     @property
     def modes(self) -> frozenset[int]:
-        """Its operating modes."""
+        """The operating modes of the model."""
         modes = frozenset({VELOCITY, POSITION, EXTENDED, PWM})
         return modes if self.current_limit is None else modes | {CURRENT, CURRENT_POSITION}
 

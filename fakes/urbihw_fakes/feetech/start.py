@@ -19,7 +19,7 @@ _SERVOS = "STS3215:1,STS3215:2,SCS0009:7"
 
 
 def options(parser: argparse.ArgumentParser) -> None:
-    """Its options."""
+    """The options of the simulated Feetech bus on the command line."""
     wire_options(parser)
     parser.add_argument("--servos", default=_SERVOS, metavar="MODEL:ID,...", help="the servos (%(default)s)")
 

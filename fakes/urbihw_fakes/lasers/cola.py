@@ -55,7 +55,6 @@ class ColaLaser(Device):
         return self._subscribed and not self.standby
 
     def receive(self, data: bytes, now: float) -> list[Answer]:
-        """Receive bytes."""
         if not self.powered:
             return []
         self._heard += data
@@ -80,11 +79,9 @@ class ColaLaser(Device):
         return self._send(self._frame(self._scan(now)), now)
 
     def power_off(self, now: float, who: int | None = None) -> None:
-        """Power off."""
         self.powered = self._subscribed = self._logged_in = False
 
     def power_on(self, now: float, who: int | None = None) -> None:
-        """Power on."""
         self.powered = True
 
     def _take(self) -> tuple[bytes, bool] | None:

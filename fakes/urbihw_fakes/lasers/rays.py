@@ -11,7 +11,7 @@ LASER_X = 0.021
 
 
 class Walls(Protocol):
-    """The room."""
+    """A room, as the laser meets its walls."""
 
     def rays(self, x: float, y: float, angles: Sequence[float], limit: float) -> list[float]:
         """Return the distance in m of the first wall along each ray; at most ``limit``."""
@@ -28,7 +28,7 @@ class Carrier(Protocol):
 
     @property
     def world(self) -> Walls:
-        """The room."""
+        """The room in which the carrier stands."""
         ...
 
     def advance(self, now: float) -> None:

@@ -74,7 +74,6 @@ class Rplidar(Device):
         return self._send(data, now)
 
     def power_off(self, now: float, who: int | None = None) -> None:
-        """Power off."""
         self.powered = self.scanning = False
 
     def power_on(self, now: float, who: int | None = None) -> None:

@@ -46,7 +46,6 @@ class Urg(Device):
         return bool(self._wanted)
 
     def receive(self, data: bytes, now: float) -> list[Answer]:
-        """Receive bytes."""
         if not self.powered:
             return []
         *lines, self._heard = (self._heard + data).replace(b"\r", b"\n").split(b"\n")
@@ -74,12 +73,10 @@ class Urg(Device):
         return self._send(_reply(echo, "99", lines), now)
 
     def power_off(self, now: float, who: int | None = None) -> None:
-        """Power off."""
         self.powered = self.lit = False
         self._wanted = ""
 
     def power_on(self, now: float, who: int | None = None) -> None:
-        """Power on."""
         self.powered = True
 
     def _execute(self, command: str, now: float) -> bytes:

@@ -137,12 +137,12 @@ class AudioDevice(Service):
 
     @method("setOutputVolume", "(i)")
     def set_volume(self, volume: int) -> None:
-        """Percent."""
+        """Set the volume in percent."""
         self.volume = min(max(volume, 0), 100)
 
     @method("getOutputVolume", "()", "i")
     def get_volume(self) -> int:
-        """Percent."""
+        """The volume in percent."""
         return self.volume
 
     @method("muteAudioOut", "(b)")
@@ -188,7 +188,7 @@ class AudioDevice(Service):
                 self._send(name, client)
 
     def is_active(self) -> bool:
-        """While somebody listens."""
+        """Whether a client listens to the microphones."""
         return any(client.subscribed for client in self._clients.values())
 
     def _send(self, name: str, client: Client) -> None:
@@ -249,5 +249,5 @@ class AudioPlayer(Service):
 
     @method("stopAll")
     def stop_all(self) -> None:
-        """Play nothing."""
+        """Stop all sounds that play."""
         self._ends = dict.fromkeys(self._ends, self._clock())

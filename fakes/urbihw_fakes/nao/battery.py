@@ -17,5 +17,5 @@ class Battery(Service):
 
     @method("getBatteryCharge", "()", "i")
     def get_charge(self) -> int:
-        """Percent."""
+        """The charge of the battery in percent."""
         return round(self.body.charge * 100)

@@ -65,19 +65,19 @@ class Behaviours(Service):
 
     @method("stopAllBehaviors")
     def stop_all(self) -> None:
-        """End all."""
+        """End all behaviours that run."""
         for name in list(self._started):
             self.stop(name)
 
     @method("getRunningBehaviors", "()", "[s]")
     def get_running(self) -> list[str]:
-        """Names."""
+        """The names of the behaviours that run."""
         return list(self._started)
 
     @method("getInstalledBehaviors", "()", "[s]")
     @method("getBehaviorNames", "()", "[s]")
     def get_installed(self) -> list[str]:
-        """Names."""
+        """The names of the installed behaviours."""
         return list(INSTALLED)
 
     @method("isBehaviorInstalled", "(s)", "b")
@@ -87,5 +87,5 @@ class Behaviours(Service):
 
     @method("isBehaviorRunning", "(s)", "b")
     def is_running(self, name: str) -> bool:
-        """Whether it runs."""
+        """Whether a behaviour runs at present."""
         return name in self._started

@@ -94,7 +94,7 @@ class Joint:
         self.command = self.angle
 
     def advance(self, dt: float) -> None:
-        """Some time passes."""
+        """Let some time pass, in seconds."""
         before = self.angle
         if self.stiffness >= STIFF:
             goal, speed = self.command, self.fastest * self.share
@@ -113,7 +113,7 @@ class Joint:
 
 
 def joints() -> dict[str, Joint]:
-    """All joints, crouching."""
+    """All joints of a crouching Nao, by name."""
     found = {}
     for row in ROWS.split("\n"):
         if row:
@@ -351,6 +351,6 @@ class Body:
             joint.hold()
 
     def slack(self) -> None:
-        """All motors off."""
+        """Switch all motors off at once."""
         for joint in self.joints.values():
             joint.stiffness = 0.0

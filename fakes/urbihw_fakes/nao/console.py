@@ -28,7 +28,7 @@ class Words:
         return "ok"
 
     def set_sonars(self, words: list[str]) -> str:
-        """Distances."""
+        """Set the distances that the sonars measure."""
         self._body.sonars[:] = float(words[0]), float(words[1])
         return "ok"
 
@@ -38,7 +38,7 @@ class Words:
         return "ok"
 
     def push(self, words: list[str]) -> str:
-        """It falls."""
+        """Let the robot fall to a side."""
         self._robot.advance(self._clock())
         self._body.standing = True
         self._body.slack()
@@ -77,11 +77,11 @@ class Words:
         return f"{self._robot.leds.colour(words[0]):06x}"
 
     def tell_speech(self, words: list[str]) -> str:
-        """All texts."""
+        """All texts that the robot has spoken."""
         return "\n".join(self._robot.speech.said) or "nothing"
 
     def tell_joints(self, words: list[str]) -> str:
-        """All joints."""
+        """The angles and stiffnesses of all joints."""
         self._robot.advance(self._clock())
         joints = self._body.joints.values()
         return "\n".join(f"{joint.name:16} {joint.angle:8.3f} stiffness {joint.stiffness:.2f}" for joint in joints)

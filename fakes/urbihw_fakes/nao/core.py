@@ -26,22 +26,22 @@ class Logger(Service):
 
     @method("error", "(ss)")
     def log_error(self, module: str, text: str) -> None:
-        """The same."""
+        """Log an error of a module."""
         self.lines.append(("error", module, text))
 
     @method("warn", "(ss)")
     def log_warning(self, module: str, text: str) -> None:
-        """The same."""
+        """Log a warning of a module."""
         self.lines.append(("warning", module, text))
 
     @method("info", "(ss)")
     def log_info(self, module: str, text: str) -> None:
-        """The same."""
+        """Log a remark of a module."""
         self.lines.append(("info", module, text))
 
     @method("debug", "(ss)")
     def log_debug(self, module: str, text: str) -> None:
-        """The same."""
+        """Log a detail of a module."""
         self.lines.append(("debug", module, text))
 
     @method("setVerbosity", "(i)")
@@ -53,7 +53,7 @@ class Logger(Service):
 
     @method("verbosity", "()", "i")
     def get_verbosity(self) -> int:
-        """That level."""
+        """The level up to which entries count."""
         return self._verbosity
 
 
@@ -70,7 +70,7 @@ class FrameManager(Service):
     @method("playBehavior", "(s)")
     @method("exitBehavior", "(s)")
     def use_behaviour(self, identifier: str) -> None:
-        """Raises Failed."""
+        """Raises Failed: no behaviour is installed there."""
         raise Failed(f"ALFrameManager: no behavior {identifier}")
 
 
@@ -90,7 +90,7 @@ class AutonomousLife(Service):
 
     @method("setState", "(s)")
     def set_state(self, state: str) -> None:
-        """Raises Failed."""
+        """Change the state of autonomous life.  Raises Failed for an unknown one."""
         if state not in STATES:
             raise Failed(f"ALAutonomousLife: no state {state}")
         self.state = state

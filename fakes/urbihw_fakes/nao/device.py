@@ -102,7 +102,7 @@ class Nao(Device):
     # ---------------------------------------------------------------- connections
 
     def connect(self) -> Connection:
-        """Somebody connects."""
+        """A client connects to the robot."""
         return self.server.connect()
 
     def disconnect(self, connection: Connection) -> None:

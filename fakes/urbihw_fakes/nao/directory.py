@@ -91,7 +91,7 @@ class Directory(Service):
 
     @method("machineId", "()", "s")
     def get_machine(self) -> str:
-        """The machine's identifier."""
+        """The identifier of the machine."""
         return self.machine
 
     def remove_services_of(self, owner: Connection) -> None:

@@ -20,7 +20,7 @@ Then = Callable[[Any], None]
 
 
 class Info(NamedTuple):
-    """ServiceInfo."""
+    """A ServiceInfo as clients send it."""
 
     name: str
     number: int

@@ -152,13 +152,13 @@ class Leds(Service):
 
     @method("on", "(s)")
     def switch_on(self, name: str) -> None:
-        """White."""
+        """Turn a group of LEDs white."""
         self.set_intensity(name, 1.0)
 
     @method("off", "(s)")
     @method("reset", "(s)")
     def switch_off(self, name: str) -> None:
-        """Dark."""
+        """Turn a group of LEDs dark."""
         self.set_intensity(name, 0.0)
 
     # ---------------------------------------------------------------- groups
@@ -175,7 +175,7 @@ class Leds(Service):
 
     @method("listGroups", "()", "[s]")
     def get_groups(self) -> list[str]:
-        """Names of groups."""
+        """The names of the groups of LEDs."""
         return sorted(self._groups)
 
     @method("listLEDs", "()", "[s]")

@@ -113,7 +113,7 @@ class LibqiEndpoint(Endpoint):
         return b""
 
     def _send(self, data: bytes) -> None:
-        """Nothing: libqi sends."""
+        """Do nothing: libqi sends by itself."""
 
     # ---------------------------------------------------------------- the thread of the robot
 

@@ -90,7 +90,7 @@ class Memory(Service):
 
     @method("getDataListName", "()", "[s]")
     def get_keys(self) -> list[str]:
-        """All keys."""
+        """The names of all keys."""
         return sorted({*self.stored, *self.measured})
 
     def _look_up(self, key: Any) -> Any:
@@ -134,7 +134,7 @@ class Memory(Service):
     @method("unsubscribeToEvent", "(ss)")
     @method("unsubscribeToMicroEvent", "(ss)")
     def unsubscribe_module(self, key: str, module: str) -> None:
-        """End it."""
+        """End the subscription of a module."""
         self._modules.pop((key, module), None)
 
     def touch(self, name: str, value: float) -> None:

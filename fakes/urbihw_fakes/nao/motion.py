@@ -95,13 +95,13 @@ class Motion(WholeBody):
 
     @method("setStiffnesses", "(mm)")
     def set_stiffnesses(self, names: Any, values: Any) -> None:
-        """0 to 1."""
+        """Set stiffnesses of joints, 0 to 1."""
         for joint, value in self._pair(names, values):
             joint.stiffness = min(max(value, 0.0), 1.0)
 
     @method("getStiffnesses", "(m)", "[f]")
     def get_stiffnesses(self, names: Any) -> list[float]:
-        """0 to 1."""
+        """The stiffnesses of joints, 0 to 1."""
         return [joint.stiffness for joint in self.find_joints(names)]
 
     @method("angleInterpolationWithSpeed", "(mmf)")
@@ -212,7 +212,7 @@ class Motion(WholeBody):
 
     @method("moveIsActive", "()", "b")
     def is_walking(self) -> bool:
-        """Whether it walks."""
+        """Whether the robot walks at present."""
         return self.body.walking
 
     @method("waitUntilMoveIsFinished")
@@ -258,7 +258,7 @@ class Motion(WholeBody):
 
     @method("setFallManagerEnabled", "(b)")
     def set_fall_manager(self, on: bool) -> None:
-        """Switch it."""
+        """Switch the fall manager on or off."""
         self.fall_manager = on
 
     @method("getFallManagerEnabled", "()", "b")

@@ -34,5 +34,5 @@ class Posture(Service):
 
     @method("getPostureList", "()", "[s]")
     def get_postures(self) -> list[str]:
-        """All there are."""
+        """The names of all postures."""
         return list(POSTURES)

@@ -64,7 +64,7 @@ class Server:
     # ---------------------------------------------------------------- connections
 
     def connect(self) -> Connection:
-        """Somebody connects."""
+        """A client connects to the server."""
         made = Connection()
         self.connections.append(made)
         return made

@@ -174,7 +174,7 @@ class Service:
         return self.describe(), self.number, self.thing
 
     def describe(self) -> tuple[Any, ...]:
-        """Its metaObject."""
+        """The metaObject of the service."""
         methods: dict[int, Any] = {
             row.uid: (row.uid, row.returns, row.name, row.parameters, "", [], "")
             for row in (*COMMON, *self.methods.values())

@@ -63,7 +63,7 @@ class Speech(Service):
             self._memory.raise_event(EVENTS + "TextDone", 1)
 
     def is_active(self) -> bool:
-        """While it speaks."""
+        """Whether the robot speaks at present."""
         return bool(self._queue)
 
     @method("say", "(s)")
@@ -89,12 +89,12 @@ class Speech(Service):
 
     @method("setVolume", "(f)")
     def set_volume(self, volume: float) -> None:
-        """0 to 1."""
+        """Set the volume of speech, 0 to 1."""
         self.volume = volume
 
     @method("getVolume", "()", "f")
     def get_volume(self) -> float:
-        """0 to 1."""
+        """The volume of speech, 0 to 1."""
         return self.volume
 
     @method("setParameter", "(sf)")

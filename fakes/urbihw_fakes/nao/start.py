@@ -19,7 +19,7 @@ HELP = "a Nao with NAOqi 2"
 
 
 def options(parser: argparse.ArgumentParser) -> None:
-    """Its options."""
+    """The options of the simulated Nao on the command line."""
     parser.add_argument(
         "--tcp", type=int, required=True, metavar="PORT", help="its port; 0 takes a free one, a real robot has 9559"
     )

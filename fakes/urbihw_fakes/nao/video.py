@@ -85,7 +85,7 @@ class Video(Service):
 
     @method("subscribe", "(siii)", "s")
     def subscribe_top(self, name: str, resolution: int, space: int, fps: int) -> str:
-        """The older form."""
+        """Subscribe the top camera, in the older form."""
         return self.subscribe(name, 0, resolution, space, fps)
 
     @method("unsubscribe", "(s)", "b")

@@ -69,7 +69,7 @@ class Watchdog(Service):
 
     @method("release", "()", "m")
     def release(self) -> None:
-        """Count no longer."""
+        """Count the time down no longer."""
         self._service.release()
 
     @method("state", "()", "m")

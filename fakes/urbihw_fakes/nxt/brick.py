@@ -50,7 +50,7 @@ class Sound:
         self._until = now + (1e9 if loop else 1.0)
 
     def stop(self) -> None:
-        """End the sound."""
+        """End the sound at once."""
         self._until = -1.0
 
     def sounding(self, now: float) -> bool:

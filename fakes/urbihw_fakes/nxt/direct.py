@@ -46,7 +46,7 @@ def start_program(brick: Brick, telegram: bytes) -> bytes:
 
 
 def stop_program(brick: Brick, telegram: bytes) -> bytes:
-    """01."""
+    """Opcode 01: stop the program that runs."""
     if not brick.program:
         return _status(codes.NO_PROGRAM)
     brick.start_program("")
@@ -150,7 +150,7 @@ def message_read(brick: Brick, telegram: bytes) -> bytes:
 
 
 def reset_motor_position(brick: Brick, telegram: bytes) -> bytes:
-    """0a."""
+    """Opcode 0a: reset the position of a motor."""
     port, relative = telegram[2:4]
     if port >= len(brick.motors):
         return _status(codes.OUT_OF_RANGE)
@@ -159,12 +159,12 @@ def reset_motor_position(brick: Brick, telegram: bytes) -> bytes:
 
 
 def get_battery_level(brick: Brick, telegram: bytes) -> bytes:
-    """0b: mV."""
+    """Opcode 0b: the voltage of the battery in mV."""
     return struct.pack("<BH", codes.OK, brick.millivolts)
 
 
 def stop_sound(brick: Brick, telegram: bytes) -> bytes:
-    """0c."""
+    """Opcode 0c: end the sound that plays."""
     brick.sound.stop()
     return _status(codes.OK)
 
@@ -204,7 +204,7 @@ def ls_read(brick: Brick, telegram: bytes) -> bytes:
 
 
 def get_program_name(brick: Brick, telegram: bytes) -> bytes:
-    """11."""
+    """Opcode 11: the program that runs."""
     return _status(codes.OK if brick.program else codes.NO_PROGRAM) + name_bytes(brick.program)
 
 

@@ -99,7 +99,7 @@ class Files:
         return codes.OK
 
     def clear(self) -> None:
-        """DELETE USER FLASH."""
+        """Remove all files: DELETE USER FLASH."""
         self.contents.clear()
         self.free = FREE
 

@@ -50,7 +50,7 @@ class Plugged:
 
 @dataclass
 class Touch(Plugged):
-    """A touch sensor."""
+    """A touch sensor on an input port."""
 
     pressed: bool = False
 

@@ -18,7 +18,7 @@ HELP = "LEGO NXT: a TriBot before a wall"
 
 
 def options(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments."""
+    """Add the arguments of the simulated NXT."""
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--usb", nargs="?", const="", metavar="FOLDER", help="on a simulated USB bus, kept in FOLDER")
     where.add_argument("--pty", nargs="?", const="", metavar="PATH", help="Bluetooth: a pseudo terminal at PATH")

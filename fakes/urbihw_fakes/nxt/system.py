@@ -26,7 +26,7 @@ def open_read(brick: Brick, telegram: bytes) -> bytes:
 
 
 def open_write(brick: Brick, telegram: bytes) -> bytes:
-    """81, 89: handle."""
+    """Opcodes 81 and 89: open a file for writing; returns its handle."""
     (size,) = struct.unpack_from("<I", telegram, 22)
     return bytes(brick.files.open_write(name_at(telegram, 2), size))
 
@@ -56,12 +56,12 @@ def write(brick: Brick, telegram: bytes) -> bytes:
 
 
 def close(brick: Brick, telegram: bytes) -> bytes:
-    """84."""
+    """Opcode 84: close a handle."""
     return bytes([brick.files.close(telegram[2]), telegram[2]])
 
 
 def delete(brick: Brick, telegram: bytes) -> bytes:
-    """85."""
+    """Opcode 85: delete a file."""
     name = name_at(telegram, 2)
     return bytes([brick.files.delete(name)]) + name_bytes(name)
 
@@ -76,7 +76,7 @@ def find_first(brick: Brick, telegram: bytes) -> bytes:
 
 
 def find_next(brick: Brick, telegram: bytes) -> bytes:
-    """87."""
+    """Opcode 87: find the next file."""
     return _found(*brick.files.find_next(telegram[2]))
 
 
@@ -86,12 +86,12 @@ def firmware_version(brick: Brick, telegram: bytes) -> bytes:
 
 
 def find_module(brick: Brick, telegram: bytes) -> bytes:
-    """90, 91: none."""
+    """Opcodes 90 and 91: find a module; there is none."""
     return bytes([codes.MODULE_NOT_FOUND]).ljust(32, b"\0")
 
 
 def close_module(brick: Brick, telegram: bytes) -> bytes:
-    """92."""
+    """Opcode 92: close a module's handle."""
     return bytes([codes.ILLEGAL_HANDLE, telegram[2]])
 
 
@@ -114,7 +114,7 @@ def device_info(brick: Brick, telegram: bytes) -> bytes:
 
 
 def delete_user_flash(brick: Brick, telegram: bytes) -> bytes:
-    """a0."""
+    """Opcode a0: remove all files."""
     brick.files.clear()
     return bytes([codes.OK])
 
@@ -125,12 +125,12 @@ def poll_length(brick: Brick, telegram: bytes) -> bytes:
 
 
 def poll(brick: Brick, telegram: bytes) -> bytes:
-    """a2."""
+    """Opcode a2: read from a poll buffer."""
     return bytes([codes.OK, telegram[2], 0])
 
 
 def bluetooth_factory_reset(brick: Brick, telegram: bytes) -> bytes:
-    """a4."""
+    """Opcode a4: reset the settings of Bluetooth."""
     brick.name = "NXT"
     return bytes([codes.OK])
 

@@ -44,7 +44,7 @@ class Plugged:
 
     @property
     def serial(self) -> str:
-        """The serial number."""
+        """The serial number of the brick."""
         return os.path.basename(self.path)
 
 

@@ -64,7 +64,7 @@ class Axis:
         return math.copysign(min(self.most, math.sqrt(2 * self.slower * 0.8 * abs(self.goal)) + 0.002), self.goal)
 
     def halt(self) -> None:
-        """Stop at once."""
+        """Stop the axis at once."""
         self.wanted = self.speed = 0.0
         self.goal = None
 

@@ -17,7 +17,7 @@ def arcos_checksum(body: bytes) -> int:
 
 
 def arcos_packet(body: bytes) -> bytes:
-    """A whole packet."""
+    """A whole packet of ARCOS around a body."""
     total = arcos_checksum(body)
     return b"\xfa\xfb" + bytes([len(body) + 2]) + body + bytes([total // 256, total % 256])
 
@@ -83,7 +83,7 @@ def sick_crc(data: bytes) -> bytes:
 
 
 def sick_telegram(payload: bytes, address: int) -> bytes:
-    """A whole telegram."""
+    """A whole telegram of the laser around a body."""
     data = bytes([2, address, len(payload) % 256, len(payload) // 256]) + payload
     return data + sick_crc(data)
 

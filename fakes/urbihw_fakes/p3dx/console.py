@@ -20,10 +20,10 @@ class Cable(Protocol):
     """A cable that can be unplugged."""
 
     def unplug(self) -> None:
-        """Unplug it."""
+        """Unplug the cable of the robot."""
 
     def plug(self) -> None:
-        """Plug it again."""
+        """Plug the cable in again."""
 
 
 def commands(kit: P3dx, clock: Callable[[], float], laser_line: Cable) -> dict[str, Command]:

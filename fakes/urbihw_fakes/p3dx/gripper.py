@@ -55,5 +55,5 @@ class Gripper:
 
     @property
     def state(self) -> int:
-        """GRIP_STATE."""
+        """The state byte of the gripper (GRIP_STATE)."""
         return self.paddles.state | self.lift.state << 4

@@ -41,7 +41,7 @@ class SipFields:
     tail: dict[str, int] = field(default_factory=dict)
 
     def body(self) -> bytes:
-        """The packet's body."""
+        """The body of the packet, as bytes."""
         data = struct.pack(
             "<BHHhhhBHhHBB", 0x33 if self.moving else 0x32, self.x & 0x7FFF, self.y & 0x7FFF, self.theta, self.left,
             self.right, self.battery, self.stall, self.control, self.flags, self.compass, len(self.sonars),
@@ -119,23 +119,23 @@ def names(settings: Settings) -> bytes:
 
 
 def encoders(left: int, right: int) -> bytes:
-    """ENCODERpac."""
+    """A packet ENCODERpac: the counts of both wheels."""
     return b"\x90" + struct.pack("<ii", left, right)
 
 
 def inputs(digital_in: Sequence[int], digital_out: Sequence[int], analog: Sequence[int]) -> bytes:
-    """IOpac."""
+    """A packet IOpac: inputs and outputs."""
     data = bytes([0xF0, len(digital_in), *digital_in, len(digital_out), *digital_out, len(analog)])
     return data + struct.pack(f"<{len(analog)}H", *analog)
 
 
 def gyro(rates: Sequence[int], temperature: int) -> bytes:
-    """GYROpac."""
+    """A packet GYROpac: the readings of the gyro."""
     return bytes([0x98, len(rates)]) + b"".join(struct.pack("<HB", rate, temperature) for rate in rates)
 
 
 def joystick(button1: bool, button2: bool, x: int, y: int, throttle: int) -> bytes:
-    """JOYSTICKpac."""
+    """A packet JOYSTICKpac: stick and buttons."""
     return b"\xf8" + struct.pack("<BBHHH", button1, button2, x, y, throttle)
 
 

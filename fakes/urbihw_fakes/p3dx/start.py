@@ -42,7 +42,7 @@ class WithLaser(Endpoint):
         return f"{super().url}?laser={laser}{model}"  # type: ignore[safe-super]
 
     def close(self) -> None:
-        """Close both lines."""
+        """Close the lines of robot and laser."""
         self.laser_line.close()
         super().close()
 

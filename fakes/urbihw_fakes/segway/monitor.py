@@ -73,7 +73,7 @@ def old_cycle(reading: Reading, model: f.Model) -> list[CanFrame]:
 
 
 def status(first: int, second: int) -> CanFrame:
-    """The status words."""
+    """The status words of a monitor message."""
     return f.frame(f.STATUS, _WAKE_CONTROL, first, second)
 
 

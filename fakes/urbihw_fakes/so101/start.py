@@ -14,7 +14,7 @@ HELP = "an SO-101 arm: six STS3215 (1..6), follower or leader"
 
 
 def options(parser: argparse.ArgumentParser) -> None:
-    """Its options."""
+    """The options of the simulated arm on the command line."""
     wire_options(parser)
     parser.add_argument("--calibrated", action="store_true", help="the middle of each joint reads 2048 already")
 

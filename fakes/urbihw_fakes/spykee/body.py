@@ -62,7 +62,7 @@ class Body:
             self.doing = "docking"
 
     def cancel(self) -> None:
-        """Look no more."""
+        """Stop the look for the dock."""
         if self.doing:
             self.doing, self.wanted = "", [0.0, 0.0]
 

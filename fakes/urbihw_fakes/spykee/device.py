@@ -100,7 +100,7 @@ class Spykee(Device):
     # ---------------------------------------------------------------- the connection
 
     def connect(self) -> None:
-        """Somebody has connected."""
+        """A client has connected to the robot."""
         self._cutter = p.Cutter()
         self._begin_session()
 

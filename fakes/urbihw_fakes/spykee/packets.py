@@ -12,7 +12,7 @@ class Lost(ValueError):
 
 
 def frame(kind: int, payload: bytes = b"") -> bytes:
-    """A packet."""
+    """A packet of a kind around its content."""
     return b"PK" + bytes([kind]) + len(payload).to_bytes(2, "big") + payload
 
 

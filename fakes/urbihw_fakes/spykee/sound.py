@@ -21,7 +21,7 @@ LONGEST = 600 * RATE
 
 
 def samples_of(pcm: bytes) -> array.array[int]:
-    """Bytes as numbers."""
+    """The samples in some bytes, as numbers."""
     found = array.array("h")
     found.frombytes(pcm[: len(pcm) // 2 * 2])
     if sys.byteorder == "big":
@@ -30,7 +30,7 @@ def samples_of(pcm: bytes) -> array.array[int]:
 
 
 def bytes_of(samples: array.array[int]) -> bytes:
-    """Numbers as bytes."""
+    """Samples as bytes, as the robot sends them."""
     if sys.byteorder == "big":
         samples = array.array("h", samples)
         samples.byteswap()
@@ -44,7 +44,7 @@ class Track:
         self.pieces: list[tuple[float, array.array[int]]] = []
 
     def add_sound(self, at: float, samples: array.array[int]) -> None:
-        """Add a piece."""
+        """Add a piece of sound to the track."""
         self.pieces.append((at, samples))
 
     def between(self, start: float, count: int) -> list[int]:
@@ -108,7 +108,7 @@ class Microphone:
         self._chance = random.Random(7)
 
     def clap(self, at: float, loudness: float = 0.9) -> None:
-        """Somebody claps."""
+        """Somebody claps once near the robot."""
         count = round(CLAP_SECONDS * RATE)
         peak = loudness * LOUD
         fading = (peak * (1 - index / count) * self._chance.uniform(-1, 1) for index in range(count))
@@ -117,7 +117,7 @@ class Microphone:
         self.track.add_sound(at, samples)
 
     def tone(self, at: float, frequency: float, seconds: float, loudness: float = 0.5) -> None:
-        """Somebody whistles."""
+        """Somebody whistles a tone near the robot."""
         turn = math.tau * frequency / RATE
         self.track.add_sound(
             at, array.array("h", [round(loudness * LOUD * math.sin(turn * k)) for k in range(round(seconds * RATE))])

@@ -19,7 +19,7 @@ HELP = "a Spykee in a small room"
 
 
 def options(parser: argparse.ArgumentParser) -> None:
-    """Its options."""
+    """The options of the simulated Spykee on the command line."""
     parser.add_argument("--tcp", type=int, required=True, metavar="PORT",
                         help="the port of control and of discovery; 0 takes a free one, a real robot has 9000")
     parser.add_argument("--address", default="127.0.0.1", help="of this machine (%(default)s)")

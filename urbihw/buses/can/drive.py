@@ -214,12 +214,12 @@ class CanDrive:
 
     @property
     def status(self) -> int:
-        """The status word."""
+        """The status word that the drive has sent last."""
         return int(self._process_value(1, c.STATUS))
 
     @property
     def state(self) -> str:
-        """Its state."""
+        """The state of the drive by its status word."""
         return c.state_of(self.status)
 
     @property

@@ -45,5 +45,4 @@ class PipeBus:
         return can.Message(arbitration_id=identifier, data=data[: min(length, MOST_DATA)], is_extended_id=False)
 
     def shutdown(self) -> None:
-        """Close the pipe."""
         self._link.close()

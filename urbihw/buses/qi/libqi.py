@@ -342,7 +342,6 @@ class _Authenticator:
         return self
 
     def initialAuthData(self) -> dict[str, str]:
-        """Return the credentials."""
         return self._words
 
     def _processAuth(self, data: Mapping[str, Any]) -> Any:

@@ -126,7 +126,7 @@ class QisLink(QiLink):
         return made
 
     def _shake_hands(self, context: ssl.SSLContext) -> None:
-        """Raises Unavailable, LinkGone."""
+        """Do the handshake of TLS.  Raises Unavailable, LinkGone."""
         self._in, self._out = ssl.MemoryBIO(), ssl.MemoryBIO()
         self._tls = tls = context.wrap_bio(self._in, self._out)
         timeout = HANDSHAKE_FACTOR * self.connect_timeout_s

@@ -300,7 +300,7 @@ class ServoDriver(Driver):
         return math.nan if member.place is None else member.place
 
     def reach(self, device: Any, item: str, pace: float, now: float) -> tuple[float, float] | None:
-        """Bounds for the goal of a joint, around the position as last read: see `Follower`."""
+        """Bounds for the goal of a joint, around the position as last read: see `ServoFollower`."""
         member = None if self._cycle is None else self._cycle.members.get(device)
         if item != GOAL or member is None:
             return None

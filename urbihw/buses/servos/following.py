@@ -34,7 +34,7 @@ ROUNDING: Final = 1.0
 """Counts by which a goal and a reading may be wrong."""
 
 
-class Follower:
+class ServoFollower:
     """One shaft; positions are raw counts, speeds counts per second.
 
     Attributes:
@@ -56,7 +56,7 @@ class Follower:
         self._base: tuple[float, float] | None = None
 
     def add_reading(self, place: float, at: float, goal: float | None) -> None:
-        """Take a measured position; `goal` is what the servo was told, None if nobody knows."""
+        """Take a measured position; `goal` is the last one sent to the servo, None if it is unknown."""
         if self._base is None or at - self._base[1] > STALE_S:
             self._base, self.speed, self.still_since = (place, at), 0.0, at
             return

@@ -16,7 +16,7 @@ from typing import Final
 from urbihw.buses.errors import BadValue
 from urbihw.buses.servos import packet
 from urbihw.buses.servos.device import ServoDevice
-from urbihw.buses.servos.following import Follower
+from urbihw.buses.servos.following import ServoFollower
 from urbihw.buses.servos.health import Health
 from urbihw.buses.servos.item import ControlTable, ShaftMotion, is_place
 from urbihw.buses.servos.plan import TORQUE, Block, read_blocks
@@ -89,7 +89,7 @@ class Member:
         self.armed = device.setup.get(WATCHDOG, 0) > 0
         self.limp_by: set[str] = set()
         self._followed_until = -math.inf
-        self.follower = Follower(*self._follows())
+        self.follower = ServoFollower(*self._follows())
         self._watchdog_check_due = 0.0
         self._schedules: list[_ReadSchedule] = []
         self._questions: dict[tuple[str, ...], tuple[BlockQuestion, ...]] = {}
@@ -125,12 +125,12 @@ class Member:
         self.armed = device.setup.get(WATCHDOG, 0) > 0
         if device.table is not self._table:
             self._table = device.table
-            self.follower = Follower(*self._follows())
+            self.follower = ServoFollower(*self._follows())
             self._questions.clear()
             self._schedules.clear()
 
     def _follows(self) -> tuple[float, float]:
-        """Return how it follows its goal: see `Follower`."""
+        """Return how it follows its goal: see `ServoFollower`."""
         if self._table is None or PLACE not in self._table.items:
             return 0.0, 0.0
         lag, full = self._table.follows

@@ -43,7 +43,7 @@ def bind_background(item: ast.Node, b: Binder) -> None:
 
 
 def bind_par(node: ast.Par, b: Binder) -> None:
-    """Parallel jobs."""
+    """Bind statements that run as parallel jobs."""
     for item in node.items:
         bind_background(item, b)
 

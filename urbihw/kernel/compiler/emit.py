@@ -34,7 +34,7 @@ def target(text: str, p: Pos) -> py.Name:
 
 
 def const(value: Any, p: Pos) -> py.Constant:
-    """A constant."""
+    """The expression of a constant."""
     return py.Constant(value, **p)
 
 
@@ -91,7 +91,7 @@ def if_(test: py.expr, then: list[py.stmt], otherwise: list[py.stmt], p: Pos) ->
 def try_(
     body: list[py.stmt], handlers: list[py.ExceptHandler], otherwise: list[py.stmt], final: list[py.stmt], p: Pos
 ) -> py.Try:
-    """``try``."""
+    """A statement ``try`` with its handlers."""
     return py.Try(body or [py.Pass(**p)], handlers, otherwise, final, **p)
 
 

@@ -92,7 +92,7 @@ _Entries = list[tuple[tuple[int, ...], str | None, int]]
 
 
 def pack(part: Compiled) -> bytes:
-    """Serialize a statement."""
+    """Serialize a statement for the disk."""
     unit = part.unit
     entries: _Entries = [(tuple(entry.span), entry.name, entry.outer) for entry in unit.entries]
     infos: list[tuple[object, ...]] = [

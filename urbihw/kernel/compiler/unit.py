@@ -43,7 +43,7 @@ class Syntax:
         return len(nodes) - 1
 
     def pack(self) -> bytes:
-        """For the disk."""
+        """The syntax as bytes, for the disk."""
         return pickle.dumps(self._load(), pickle.HIGHEST_PROTOCOL)
 
     def _load(self) -> tuple[list[Any], Any]:

@@ -137,7 +137,7 @@ class Writer:
     # ---------------------------------------------------------------- statements
 
     def emit(self, *statements: py.stmt) -> None:
-        """Write statements."""
+        """Write some statements at the end of the body."""
         self.body.out.extend(statements)
 
     def finish(self, dest: str | None, value: py.expr, p: Pos) -> None:
@@ -172,7 +172,7 @@ class Writer:
     # ---------------------------------------------------------------- locals
 
     def read(self, local: Local, p: Pos) -> py.expr:
-        """Read a local."""
+        """The expression that reads a local variable."""
         if local.late:
             return call(attr(name("_L", p), "read", p), [const(local.name, p)], p)
         variable = name(local.python, p)

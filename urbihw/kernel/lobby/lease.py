@@ -48,7 +48,7 @@ class ClientLease:
             self._arm()
 
     def end(self) -> None:
-        """Watch no more."""
+        """Stop watching the connection."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None

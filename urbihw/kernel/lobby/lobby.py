@@ -31,7 +31,7 @@ FINALLY_TIMEOUT_S: Final = 1.0
 
 
 class Lobby(Obj):
-    """An urbiscript Lobby."""
+    """An urbiscript Lobby: a connection and its state."""
 
     is_per_connection = True
     __slots__ = (

@@ -145,7 +145,7 @@ class _Real:
         self._unit: CompiledUnit | None = None
 
     def get(self) -> CompiledUnit:
-        """The compiled statement."""
+        """The compiled statement, made at its first use."""
         if self._unit is None:
             self._unit = self._compile(_node(self._text))
         return self._unit

@@ -31,5 +31,4 @@ class BinaryObject(Obj):
         return bytes(self.content).decode("latin-1")
 
     def clone(self) -> BinaryObject:
-        """A copy."""
         return BinaryObject(self.world, [self], self.keywords, self.content)

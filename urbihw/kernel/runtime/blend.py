@@ -150,7 +150,7 @@ class Blender:
         return [(time, value) for time, value in self._ended if time > since]
 
     def assign(self, value: Value) -> None:
-        """Assign the variable."""
+        """Assign the variable, blended with its movements."""
         mode = self.mode
         if mode in ("mix", "add") and value.__class__ is float:
             if not self._gathered:

@@ -53,7 +53,7 @@ class Executable(Obj):
         raise NotImplementedError
 
     def c0(self, this: Value) -> Value:
-        """Call without arguments."""
+        """Call the function without arguments."""
         return self.call(this, ())
 
     def c1(self, this: Value, a: Value) -> Value:

@@ -137,7 +137,7 @@ class Edge:
             self._changed.wait()
 
     def stop(self) -> None:
-        """Stop watching."""
+        """Stop watching the condition."""
         self._watch.stop()
         if self._timer is not None:
             self._timer.cancel()

@@ -71,7 +71,7 @@ class SustainedEmission(Emission):
 
 
 class Event(Obj):
-    """An urbiscript Event."""
+    """An urbiscript Event, with its subscriptions."""
 
     __slots__ = ("emissions", "subscriptions")
 
@@ -280,7 +280,6 @@ class Subscription(Handlers):
         event.subscribe(self)
 
     def offer(self, emission: Emission) -> None:
-        """An emission begins."""
         scheduler = self.world.scheduler
         if scheduler.frozen_tags and self.frozen():
             return

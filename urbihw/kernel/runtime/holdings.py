@@ -32,7 +32,7 @@ class Holding(Protocol):
 
 @dataclass(frozen=True)
 class _Holding:
-    """A registered resource."""
+    """A registered resource, with its kind."""
 
     one: Holding
     kind: str
@@ -79,7 +79,7 @@ class Holdings:
             self._numbers[found.kind] -= 1
 
     def held(self) -> list[Holding]:
-        """All registered resources."""
+        """All resources that are registered now."""
         return [entry.one for entry in self._held.values()]
 
     def connects_from(self, address: Address) -> bool:

@@ -63,7 +63,7 @@ class LocationObject(Obj):
 
 
 def make_position(world: World, line: int, column: int, file: str | None) -> PositionObject:
-    """A Position."""
+    """Make a Position of a line and a column."""
     proto: Any = world.classes["Position"]
     return PositionObject(world, [proto], line, column, file)
 

@@ -117,7 +117,7 @@ def _values(world: World) -> dict[str, Any]:
         raise errors.unexpected_void()
 
     def function(fn: Callable[..., Any], info: Any) -> Obj:
-        """A function literal."""
+        """The value of a function literal."""
         return make_code(world, fn, info)
 
     def new_class(name: str, protos: list[Value]) -> Obj:

@@ -56,7 +56,7 @@ class TagObject(Obj):
         self.leave_event: Event | None = None
 
     def clone(self) -> TagObject:
-        """A child tag."""
+        """Make a tag that is a child of this one."""
         tag = Tag(self.world.scheduler, self.world.fresh_tag_name(), self.tag)
         return TagObject(self.world, [self], tag)
 
@@ -66,7 +66,7 @@ class TagObject(Obj):
 
 
 class RootTag(TagObject):
-    """Tag itself."""
+    """The object ``Tag``, from which tags are cloned."""
 
     __slots__ = ()
     freeze_refusal = "all tags derive from Tag: use one made by Tag.new"
@@ -83,7 +83,6 @@ class TagObjectScope:
         self._entered = False
 
     def enter(self) -> None:
-        """Go in."""
         try:
             self.entry = self._face.tag.enter()
         except StopTag as signal:
@@ -102,7 +101,6 @@ class TagObjectScope:
         return signal.entry is self.entry
 
     def exit(self) -> None:
-        """Go out."""
         if self._entered and self.entry is not None:
             self._face.tag.leave(self.entry)
             face: TagObject | None = self._face
@@ -256,7 +254,6 @@ class EventScope(_OwnTagScope):
         super().enter()
 
     def exit(self) -> None:
-        """Unsubscribe and leave."""
         if self._subscription is not None:
             self._subscription.stopped()
         super().exit()

@@ -144,7 +144,7 @@ class ProtoList(List):
 
     @property
     def l(self) -> list[Any]:  # noqa: E743
-        """The present prototypes."""
+        """The prototypes that the object has at present."""
         now = self.world.protos_of(self.owner)
         if now is not self._known:
             self._known, self._members = now, list(now)

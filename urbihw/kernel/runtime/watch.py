@@ -146,7 +146,7 @@ class ConditionWatch:
             self._recorder.active = outer
 
     def stop(self) -> None:
-        """Stop watching."""
+        """Stop watching, and leave all places that were read."""
         self.live = False
         for place in self._places:
             place.pop(self, None)
@@ -188,7 +188,7 @@ class WatchedBox(Box):
 
     @property
     def v(self) -> Any:
-        """The value."""
+        """The value of the variable."""
         return _raw.__get__(self, WatchedBox)
 
     @v.setter

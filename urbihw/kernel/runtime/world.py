@@ -156,7 +156,7 @@ class World:
         return List(self, self.list_protos, values)
 
     def new_tuple(self, values: Iterable[Value]) -> Tuple:
-        """A Tuple."""
+        """Make a Tuple of some values."""
         return Tuple(self, [self.tuple_proto], [*values])
 
     def dictionary(self, values: dict[str, Value]) -> Dictionary:
@@ -168,7 +168,7 @@ class World:
         return self.true if value else self.false
 
     def lazy(self, thunk: Callable[[], Any], node: Any) -> Lazy:
-        """An unevaluated value."""
+        """Make a Lazy of an unevaluated expression."""
         return Lazy(self, thunk, node)
 
     def call_message(self, code: Value, target: Value, args: Iterable[Value], message: str = "") -> CallMessage:

@@ -156,7 +156,7 @@ class Acceptor:
             self._loop.add_reader(self._listener.fileno(), self._accept)
 
     def close(self) -> None:
-        """Stop accepting."""
+        """Stop accepting clients, and close the socket."""
         if self._closed:
             return
         self._closed = True

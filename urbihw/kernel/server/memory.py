@@ -61,7 +61,7 @@ class ResidentMemory:
         return int(os.pread(self._file, 128, 0).split()[1]) * _PAGE if self._file >= 0 else 0
 
     def close(self) -> None:
-        """Close the file."""
+        """Close the file of the kernel's statistics."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1

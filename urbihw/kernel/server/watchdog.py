@@ -109,7 +109,7 @@ class Watchdog:
         self._count += 1
 
     def close(self) -> None:
-        """End the thread."""
+        """End the thread that watches."""
         if self._closed:
             return
         self._closed = True

@@ -176,7 +176,7 @@ class _Followed:
         """An emission is over."""
 
     def close(self) -> None:
-        """End it."""
+        """End the answers that are followed."""
         self._event.subscriptions.pop(self, None)
         self._lobby.holdings.unregister(self)
 

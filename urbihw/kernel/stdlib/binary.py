@@ -18,7 +18,7 @@ CLASSES = {"Binary": BinaryObject}
 
 
 def binary(world: World, keywords: str, content: Buffer) -> BinaryObject:
-    """Make a Binary."""
+    """Make a Binary with keywords and content."""
     return BinaryObject(world, [world.classes["Binary"]], keywords, content)
 
 

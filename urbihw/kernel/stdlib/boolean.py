@@ -31,7 +31,7 @@ def as_string(world: World, this: Value) -> str:
 
 @TABLE.primitive("asBool")
 def as_bool(world: World, this: Truth) -> Value:
-    """This value."""
+    """Returns this value itself."""
     return this
 
 

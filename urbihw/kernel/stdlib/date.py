@@ -73,7 +73,7 @@ def init(world: World, this: DateObject, text: str | None = None) -> None:
 
 @TABLE.primitive("now")
 def now(world: World, this: Value) -> Value:
-    """The present time."""
+    """The present date and time."""
     return _make(world, datetime.now())
 
 

@@ -31,7 +31,7 @@ CLASSES = {"Duration": DurationObject}
 
 
 def make_duration(world: World, seconds: float) -> DurationObject:
-    """Make a Duration."""
+    """Make a Duration from seconds."""
     proto: Any = world.classes["Duration"]
     return DurationObject(world, [proto], seconds)
 

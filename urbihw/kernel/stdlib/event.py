@@ -41,7 +41,7 @@ CLASSES = {"Event.Handler": EmissionObject}
 
 @EVENT.primitive("asEvent")
 def as_event(world: World, this: Event) -> Value:
-    """This event."""
+    """Returns this event itself."""
     return this
 
 

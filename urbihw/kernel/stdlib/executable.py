@@ -25,7 +25,7 @@ NOTES = {
 
 @EXECUTABLE.primitive("asExecutable")
 def as_executable(world: World, this: Value) -> Value:
-    """This value."""
+    """Returns this value itself."""
     return this
 
 
@@ -50,7 +50,7 @@ def apply_primitive(world: World, this: Executable, args: list) -> Value:  # typ
 
 @PRIMITIVE.primitive("asPrimitive")
 def as_primitive(world: World, this: Value) -> Value:
-    """This value."""
+    """Returns this value itself."""
     return this
 
 

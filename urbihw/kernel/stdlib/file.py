@@ -67,7 +67,7 @@ class NamedObject(Obj):
 
 
 class FileObject(NamedObject):
-    """An urbiscript File."""
+    """An urbiscript File, known by its path."""
 
     __slots__ = ()
 
@@ -77,7 +77,7 @@ class FileObject(NamedObject):
 
 
 class DirectoryObject(NamedObject):
-    """An urbiscript Directory."""
+    """An urbiscript Directory, known by its path."""
 
     __slots__ = ("created", "deleted", "known", "watched")
 
@@ -289,7 +289,7 @@ def lines(text: str) -> list[str]:
 
 @FILE.primitive("remove")
 def remove(world: World, this: FileObject) -> None:
-    """Remove the file."""
+    """Remove the file from the disk."""
     try:
         os.remove(system(this.path))
     except OSError as error:
@@ -310,7 +310,7 @@ def rename(world: World, this: FileObject, name: Value) -> None:
 @FILE.primitive("asString")
 @DIRECTORY.primitive("asString")
 def as_string(world: World, this: NamedObject) -> str:
-    """The name."""
+    """The name, as it was given."""
     return this.path
 
 

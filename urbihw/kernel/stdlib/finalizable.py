@@ -40,7 +40,6 @@ class FinalizableObject(Obj):
         self._context: Any = None if current is None else current.context
 
     def clone(self) -> FinalizableObject:
-        """A new Finalizable."""
         return FinalizableObject(self.world, [self])
 
     def __del__(self) -> None:
@@ -59,7 +58,7 @@ def finalize(world: World, this: FinalizableObject) -> None:
 
 
 class WeakPointerObject(Obj):
-    """An urbiscript WeakPointer."""
+    """An urbiscript WeakPointer, which does not keep its target."""
 
     __slots__ = ("pointed",)
 
@@ -100,7 +99,6 @@ class WeakDictionaryObject(Obj):
         self.d: weakref.WeakValueDictionary[str, Obj] = weakref.WeakValueDictionary()
 
     def clone(self) -> WeakDictionaryObject:
-        """An empty WeakDictionary."""
         return WeakDictionaryObject(self.world, [self])
 
 

@@ -312,7 +312,7 @@ def clone(world: World, this: Value) -> Value:
 
 @TABLE.primitive("asFloat")
 def as_float(world: World, this: float) -> float:
-    """This number."""
+    """Returns this number itself."""
     return this
 
 
@@ -330,7 +330,7 @@ def hexadecimal(world: World, this: float) -> str:
 
 @TABLE.primitive("inf")
 def inf(world: World, this: Value) -> float:
-    """Infinity."""
+    """Infinity, greater than all other numbers."""
     return math.inf + 0.0
 
 
@@ -342,5 +342,5 @@ def nan(world: World, this: Value) -> float:
 
 @TABLE.primitive("pi")
 def pi(world: World, this: Value) -> float:
-    """The number pi."""
+    """The number pi, about 3.14159."""
     return math.pi + 0.0

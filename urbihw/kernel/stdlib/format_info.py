@@ -111,7 +111,7 @@ def cut(world: World, text: str) -> list[str | FormatPattern]:
 
 
 def format_float(form: FormatPattern, value: float) -> str:
-    """Format a number."""
+    """Format a number by a parsed pattern."""
     if not math.isfinite(value):
         return _cased(form, _signed(form, f"{value:g}"))
     if form.spec in "xo":
@@ -184,7 +184,7 @@ def apply(world: World, form: FormatPattern, value: Value) -> str:
 
 
 class FormatInfoObject(Obj):
-    """An urbiscript FormatInfo."""
+    """An urbiscript FormatInfo, with its parsed pattern."""
 
     __slots__ = ("form",)
 
@@ -255,7 +255,7 @@ def string_format(world: World, this: str, info: FormatInfoObject) -> str:
 
 
 class FormatterObject(Obj):
-    """An urbiscript Formatter."""
+    """An urbiscript Formatter, with its parsed parts."""
 
     __slots__ = ("pieces",)
 

@@ -31,7 +31,7 @@ MATH = (
 
 
 class GroupObject(Obj):
-    """An urbiscript Group."""
+    """An urbiscript Group, with its members."""
 
     __slots__ = ("members",)
     assigns_to_members = True

@@ -166,7 +166,7 @@ class KindObject(Obj):
         return slot
 
     def promise(self, promise: Promise, unit: Any) -> None:
-        """Declare a promise."""
+        """Declare a slot that devices of the kind promise."""
         self.world.ops.put_slot(self, promise.name, promise)
         meta = meta_of(self, promise.name)
         meta.accessor = promise

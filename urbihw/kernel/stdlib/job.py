@@ -69,7 +69,7 @@ def job_value(world: World, job: Job) -> JobObject:
 
 @TABLE.primitive("asJob")
 def as_job(world: World, this: Value) -> Value:
-    """This value."""
+    """Returns this value itself."""
     return this
 
 

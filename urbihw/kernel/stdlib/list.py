@@ -63,7 +63,7 @@ def as_string(world: World, this: list[Value]) -> str:
 
 @TABLE.primitive("asList")
 def as_list(world: World, this: List) -> Value:
-    """This list."""
+    """Returns this list itself."""
     return this
 
 

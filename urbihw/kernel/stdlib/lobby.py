@@ -56,11 +56,11 @@ class LobbyOutput(Protocol):
         ...
 
     def line(self, text: str, channel: str = "") -> None:
-        """Send one line."""
+        """Send one line on a channel."""
         ...
 
     def write(self, data: bytes) -> None:
-        """Send bytes."""
+        """Send bytes as they are."""
         ...
 
     def take_bytes(self) -> bytes:
@@ -100,7 +100,7 @@ class SpeakerLobby(Protocol):
         ...
 
     def quit(self) -> None:
-        """Close the connection."""
+        """Close the connection of the lobby."""
         ...
 
 
@@ -348,13 +348,13 @@ class Relay:
         return self._output.backlog
 
     def line(self, text: str, channel: str = "") -> None:
-        """Send one line."""
+        """Send one line to the other lobby."""
         if self.open:
             self.sent += len(text)
             self._output.line(text, channel)
 
     def write(self, data: bytes) -> None:
-        """Send bytes."""
+        """Send bytes to the other lobby."""
         if self.open:
             self.sent += len(data)
             self._output.write(data)
@@ -364,7 +364,7 @@ class Relay:
         return b""
 
     def close(self) -> None:
-        """Stop forwarding."""
+        """Stop forwarding to the other lobby."""
         self.open = False
 
     def release_writers(self) -> None:

@@ -18,7 +18,7 @@ TABLE = Table("Mutex")
 
 
 class MutexObject(TagObject):
-    """An urbiscript Mutex."""
+    """An urbiscript Mutex, with the jobs that wait for it."""
 
     __slots__ = ("_depth", "_holder", "_waiting")
 
@@ -92,7 +92,7 @@ def init(world: World, this: MutexObject) -> None:
 
 @TABLE.primitive("asMutex")
 def as_mutex(world: World, this: MutexObject) -> Value:
-    """This mutex."""
+    """Returns this mutex itself."""
     return this
 
 

@@ -43,7 +43,7 @@ NOTES = {
 
 
 class SocketObject(Obj):
-    """An urbiscript Socket."""
+    """An urbiscript Socket, with its connection."""
 
     __slots__ = ("held", "service", "channel")
 

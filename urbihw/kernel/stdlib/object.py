@@ -381,7 +381,7 @@ def get_period(world: World, this: Value) -> float:
 
 
 def install(world: World, programs: Any) -> None:
-    """Make ``protos`` assignable."""
+    """Make the slot ``protos`` of objects assignable."""
 
     def write(target: Value, value: Value) -> None:
         if not isinstance(value, List):

@@ -44,7 +44,7 @@ def simplified(text: str) -> str:
 
 
 def path(world: World, text: str) -> PathObject:
-    """Make a Path."""
+    """Make a Path from a name."""
     return PathObject(world, [world.classes["Path"]], simplified(text))
 
 

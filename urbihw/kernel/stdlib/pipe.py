@@ -288,7 +288,7 @@ class PipeSink:
     # ---------------------------------------------------------------- for the thread
 
     def ready(self) -> int:
-        """Write more bytes."""
+        """Write more bytes when the pipe takes some."""
         with self._lock:
             piece = self._pieces[0] if self._pieces else None
         if piece is None:
@@ -347,7 +347,7 @@ class Opening:
         return opened
 
     def close(self) -> None:
-        """Cancel the attempt."""
+        """Cancel the attempt to open the pipe."""
         self._given_up = True
         if self._opened >= 0:
             os.close(self._opened)

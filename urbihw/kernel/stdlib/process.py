@@ -39,7 +39,7 @@ NOTES = {
 
 
 class ProcessObject(Obj):
-    """An urbiscript Process."""
+    """An urbiscript Process, with its program."""
 
     __slots__ = ("_late", "args", "begun", "child", "ended", "name", "sink", "sources", "waiting")
 
@@ -177,7 +177,7 @@ def init(world: World, this: ProcessObject, name: str, args: list[Value]) -> Non
 
 @PROCESS.primitive("asProcess")
 def as_process(world: World, this: ProcessObject) -> Value:
-    """This Process."""
+    """Returns this Process itself."""
     return this
 
 

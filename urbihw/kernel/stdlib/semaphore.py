@@ -46,7 +46,6 @@ class SemaphoreObject(Obj):
         self.line: HandoverQueue[Any] = HandoverQueue(world.scheduler)
 
     def clone(self) -> SemaphoreObject:
-        """A new semaphore."""
         return SemaphoreObject(self.world, [self])
 
     def acquire(self) -> None:
@@ -57,7 +56,7 @@ class SemaphoreObject(Obj):
             self.line.wait(self._take_back)
 
     def release(self) -> None:
-        """Increment the count."""
+        """Let a waiting job go on, or else increment the count."""
         if self.line.hand_over(None) is None:
             self.count += 1
 
@@ -98,7 +97,7 @@ def critical_section(world: World, this: SemaphoreObject, function: Value) -> Va
 
 
 class BarrierObject(Obj):
-    """An urbiscript Barrier."""
+    """An urbiscript Barrier, with its waiting jobs."""
 
     __slots__ = ("line",)
 
@@ -107,7 +106,6 @@ class BarrierObject(Obj):
         self.line: HandoverQueue[Any] = HandoverQueue(world.scheduler)
 
     def clone(self) -> BarrierObject:
-        """A new barrier."""
         return BarrierObject(self.world, [self])
 
 
@@ -146,7 +144,6 @@ class SubscriberObject(Obj):
         self.line: HandoverQueue[Any] = HandoverQueue(world.scheduler)
 
     def clone(self) -> SubscriberObject:
-        """A new subscriber."""
         return SubscriberObject(self.world, [self])
 
     def add_value(self, value: Value) -> None:

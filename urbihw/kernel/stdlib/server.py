@@ -33,7 +33,7 @@ NOTES = {
 
 
 class ServerObject(Obj):
-    """An urbiscript Server."""
+    """An urbiscript Server, with its listening socket."""
 
     __slots__ = ("held", "listener", "service", "sockets")
 
@@ -71,7 +71,7 @@ class ServerObject(Obj):
         listener.start(accepted)
 
     def stop(self) -> None:
-        """Stop listening."""
+        """Stop listening for connections."""
         if self.listener is not None and self.held is not None:
             self.listener.close()
             self.held.release()

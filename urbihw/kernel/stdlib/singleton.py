@@ -11,5 +11,5 @@ TABLE = Table("Singleton")
 
 @TABLE.primitive("clone", "new")
 def clone(world: World, this: Value) -> Value:
-    """This value."""
+    """Returns this value itself."""
     return this

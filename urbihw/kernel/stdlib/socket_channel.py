@@ -193,7 +193,7 @@ class SocketChannel:
         self._poller.schedule(self)
 
     def abort(self) -> None:
-        """Close at once."""
+        """Close the connection at once."""
         with self._lock:
             self._discard_unsent()
         self.close()

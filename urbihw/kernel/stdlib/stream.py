@@ -91,7 +91,6 @@ class FileSource:
         return self._file.readline(MAX_LINE_LENGTH)
 
     def close(self) -> None:
-        """Close the file."""
         self._file.close()
 
 
@@ -105,7 +104,6 @@ class InputStreamObject(Obj):
         self.source = source
 
     def clone(self) -> InputStreamObject:
-        """A closed stream."""
         return InputStreamObject(self.world, [self])
 
     def opened(self) -> ByteSource:
@@ -125,7 +123,6 @@ class OutputStreamObject(Obj):
         self.sink = sink
 
     def clone(self) -> OutputStreamObject:
-        """A closed stream."""
         return OutputStreamObject(self.world, [self])
 
     def opened(self) -> Sink:

@@ -41,7 +41,7 @@ MAX_SHOWN_LENGTH = 60
 
 @TABLE.primitive("asString")
 def as_string(world: World, this: String) -> Value:
-    """This string."""
+    """Returns this string itself."""
     return this
 
 

@@ -41,7 +41,7 @@ NOTES = {
 
 
 class SubscriptionObject(Obj):
-    """An urbiscript Subscription."""
+    """An urbiscript Subscription, with its slots."""
 
     __slots__ = ("feed",)
 
@@ -154,7 +154,7 @@ def _names(world: World, slots: List) -> list[str]:
 
 
 def install(world: World, programs: Any) -> None:
-    """Install the fields."""
+    """Install the fields of a Subscription."""
     proto = world.classes["Subscription"]
 
     def fixed(target: Value, value: Value) -> None:

@@ -18,7 +18,7 @@ TABLE = Table("Timeout")
 
 
 class TimeoutObject(TagObject):
-    """An urbiscript Timeout."""
+    """An urbiscript Timeout: a tag with a duration."""
 
     __slots__ = ("duration", "throws", "timed_out")
 

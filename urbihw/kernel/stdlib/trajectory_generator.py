@@ -43,7 +43,7 @@ NOTES = {
 
 
 class GeneratorObject(Obj):
-    """An urbiscript TrajectoryGenerator."""
+    """An urbiscript TrajectoryGenerator, with its attributes."""
 
     __slots__ = ("attributes", "getter", "setter", "target")
 

@@ -42,7 +42,7 @@ class Named(Tuple):
 
     @property
     def l(self) -> list[Any]:  # noqa: E743
-        """The members."""
+        """The members of the tuple."""
         return [self.world.get_slot(self, name) for name in self.NAMES]
 
     @l.setter
@@ -56,14 +56,14 @@ class Named(Tuple):
 
 
 class Pair(Named):
-    """Two values."""
+    """A Tuple of two values."""
 
     __slots__ = ()
     NAMES = ("first", "second")
 
 
 class Triplet(Named):
-    """Three values."""
+    """A Tuple of three values."""
 
     __slots__ = ()
     NAMES = ("first", "second", "third")
@@ -78,7 +78,7 @@ PROTOS = {"Pair": ("Tuple",), "Triplet": ("Tuple",)}
 
 
 def pair(world: World, first: Value, second: Value) -> Obj:
-    """Make a Pair."""
+    """Make a Pair of two values."""
     return Pair(world, [world.classes["Pair"]], [first, second])
 
 

@@ -16,7 +16,7 @@ MAX_FRAMES = 250
 
 
 class Local:
-    """One local variable."""
+    """One local variable of a function."""
 
     __slots__ = ("assigned", "captured", "const", "fresh", "frame", "late", "maybe_void", "name", "python")
 
@@ -91,7 +91,6 @@ class Known(NamedTuple):
     inner: tuple[Known, ...]
 
     def all(self) -> Names:
-        """All of them."""
         found: Names = {}
         todo = [self]
         while todo:

@@ -183,7 +183,7 @@ class Motion:
 
     @property
     def running(self) -> Job | None:
-        """The running job."""
+        """The job that runs at present."""
         return self._world.scheduler.current
 
     def admit(

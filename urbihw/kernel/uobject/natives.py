@@ -208,7 +208,7 @@ def get_stats(world: World, this: Value) -> dict[str, list[float]]:
 
 @UOBJECTS.primitive("clearStats")
 def clear_stats(world: World, this: Value) -> None:
-    """Clear the statistics."""
+    """Clear the statistics of all calls."""
     registry_of(world).stats.clear()
 
 
@@ -225,7 +225,7 @@ def load_module(world: World, this: Value, module: Any) -> None:
 
 
 class HookChanged:
-    """The slot ``UVar.hookChanged``."""
+    """The slot ``UVar.hookChanged``: whether new variables have the event ``changed``."""
 
     def __init__(self, registry: Registry) -> None:
         self._registry = registry

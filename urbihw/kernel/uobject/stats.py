@@ -46,7 +46,7 @@ class Stats:
             one.set_measuring(True)
 
     def add(self, name: str, seconds: float) -> None:
-        """Count one call."""
+        """Count one call of a function."""
         entry = self._entries.get(name)
         if entry is None:
             self._entries[name] = [seconds, seconds, seconds, 1.0]
@@ -71,5 +71,5 @@ class Stats:
         return {name: [total / n, least, most, n] for name, (total, least, most, n) in self._entries.items()}
 
     def clear(self) -> None:
-        """Clear the statistics."""
+        """Clear all counts and times."""
         self._entries.clear()

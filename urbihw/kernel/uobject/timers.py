@@ -63,7 +63,7 @@ class Timers:
             self._update = self.add(period, due)
 
     def clear(self) -> None:
-        """Remove all timers."""
+        """Remove all timers of the device."""
         self._update = None
         for handle in list(self._timers):
             self.remove(handle)

@@ -45,7 +45,7 @@ class _Intake:
         self._skipped = False
 
     def feed(self, data: bytes) -> None:
-        """Add received bytes."""
+        """Add bytes that have come."""
         self._decoder.add(data)
         if self._decoder.waiting > MAX_WAITING_SIZE:
             self._give_up(f"{self._decoder.waiting} bytes wait for a statement of it to end")

@@ -93,7 +93,7 @@ class RemoteConnection:
     # ---------------------------------------------------------------- saying
 
     def send(self, code: MessageCode, *values: Any) -> None:
-        """Send one message."""
+        """Send one message to the remote."""
         if self.open:
             now, members = self.world.scheduler.now, [float(code), *values]
             direct = code == MessageCode.CALL and not self.exact
@@ -376,7 +376,6 @@ class RemoteClone(Executable):
         self._face = face
 
     def call(self, this: Any, args: tuple[Any, ...]) -> Any:
-        """Make an instance."""
         if args:
             raise errors.arity(len(args), 0)
         return self._connection.make(self._kind, self._face)

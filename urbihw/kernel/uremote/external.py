@@ -285,7 +285,7 @@ def serialize(world: World, this: UVar) -> Any:
 
 @OBJECT.primitive("uvalueSerialize")
 def uvalue_serialize(world: World, this: Any) -> Any:
-    """This value."""
+    """Returns this value itself."""
     return this
 
 

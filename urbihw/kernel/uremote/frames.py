@@ -81,7 +81,7 @@ class Result:
 
 @dataclass(frozen=True, slots=True)
 class ProgramText:
-    """An urbiscript program."""
+    """An urbiscript program to be run."""
 
     text: str
 

@@ -86,7 +86,7 @@ class Outbox:
             self._put(b"Global.UObject.funCall(" + quoted(ticket).encode() + b", " + literal(value) + b"),\n")
 
     def emit(self, name: str, payload: list[Any]) -> None:
-        """Send an emission."""
+        """Send an emission of an event."""
         if self._frames:
             self._frame(EmitRequest(name, payload))
         else:

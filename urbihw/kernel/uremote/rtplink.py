@@ -45,7 +45,7 @@ class PacketPort(Protocol):
         ...
 
     def close(self) -> None:
-        """Close the socket."""
+        """Close the socket of the port."""
         ...
 
 

@@ -24,7 +24,7 @@ class Fitted(Protocol):
 
     @property
     def start_worker(self) -> Callable[..., ScannerWorker]:
-        """Starts a worker."""
+        """The function that starts the worker of the laser."""
         ...
 
     @property
@@ -34,7 +34,7 @@ class Fitted(Protocol):
 
     @property
     def host(self) -> Host:
-        """The kernel."""
+        """The kernel as the laser sees it."""
         ...
 
     @property

@@ -51,7 +51,7 @@ def crc16(data: bytes) -> int:
 
 
 def telegram(payload: bytes, address: int = 0) -> bytes:
-    """Frame a payload."""
+    """Frame a payload as a telegram."""
     data = struct.pack("<BBH", STX, address, len(payload)) + payload
     return data + crc16(data).to_bytes(2, "little")
 

@@ -27,7 +27,7 @@ _DIGITS: Final = 9
 
 
 def command(text: str) -> bytes:
-    """A command line."""
+    """A command as a line for the laser."""
     return text.encode("ascii") + b"\n"
 
 

@@ -17,7 +17,7 @@ class AX12(AngleLimitServo):
 
 
 class XServo(ModeServo):
-    """An X-series servo."""
+    """A servo of the X series by ROBOTIS."""
 
 
 CLASSES: Final[dict[str, type[ServoBusDevice]]] = {

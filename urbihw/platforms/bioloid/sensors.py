@@ -27,7 +27,7 @@ _MELODY = 255
 
 
 class AXS1(RegisterDevice):
-    """An AX-S1."""
+    """An AX-S1, the sensor module of the kit."""
 
     slot_words = sensorslots.WORDS
 

@@ -73,12 +73,12 @@ class NaoExchange:
 
     @property
     def motion(self) -> QiService:
-        """ALMotion."""
+        """The service ALMotion of the robot."""
         return self._motion
 
     @property
     def memory(self) -> QiService:
-        """ALMemory."""
+        """The service ALMemory of the robot."""
         return self._memory
 
     # ---------------------------------------------------------------- calls

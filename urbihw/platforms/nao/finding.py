@@ -77,7 +77,7 @@ def find(session: QiSession, motion: QiService, memory: QiService) -> NaoFinding
 
 
 def _joint_name(value: Any) -> str:
-    """Raises BadFrame."""
+    """The name of a joint in a key.  Raises BadFrame."""
     if not is_name(value) or not value.isidentifier():
         raise BadFrame(f"a joint is called {show_text(repr(value), MAX_TEXT_LENGTH)}")
     return str(value)

@@ -45,7 +45,7 @@ class HeadReader:
         return len(self._data)
 
     def receive(self, data: bytes) -> None:
-        """Bytes have come."""
+        """Add bytes that have come."""
         if self.complete:
             return
         # The blank line may have begun with the last bytes.
@@ -73,7 +73,7 @@ class HeadReader:
 
 
 def _parse_headers(rows: list[bytes]) -> dict[str, str]:
-    """Raises HttpRefusal."""
+    """The headers of a request.  Raises HttpRefusal."""
     if len(rows) > MOST_HEADERS:
         raise HttpRefusal(HTTPStatus.BAD_REQUEST, f"a request has {MOST_HEADERS} headers at most")
     headers: dict[str, str] = {}

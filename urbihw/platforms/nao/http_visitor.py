@@ -76,7 +76,7 @@ def find_allowed_hosts(host: str, port: int) -> frozenset[str]:
 
 
 class HttpVisitor(Visitor):
-    """One connection."""
+    """One connection of a client of http."""
 
     def __init__(
         self,

@@ -215,7 +215,7 @@ class NaoWalk(EffectorDevice, MeasuredDevice):
         return "" if self.requested.sensed == 0 else self._explain()
 
     def show(self, values: Mapping[str, Any], stamp: float) -> None:
-        """Show where it is, and whether it walks, whoever lets it."""
+        """Show where it is, and whether it walks, for any client."""
         self.mark_fresh()
         for var, item in ((self.x, "x"), (self.y, "y"), (self.theta, "theta")):
             if item in values:

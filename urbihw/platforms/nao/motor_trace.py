@@ -53,7 +53,7 @@ class MotorTrace:
         self._path, self._room, self._begun = path, MOST_BYTES, None
 
     def close(self) -> None:
-        """End it."""
+        """End the trace and close its file."""
         file, self._file = self._file, None
         if file is not None:
             with contextlib.suppress(OSError):

@@ -41,7 +41,7 @@ class JointOrders:
         self.stiff: dict[str, float] = {}
 
     def drop_waiting(self, joints: Iterable[str]) -> None:
-        """Drop what waits."""
+        """Drop the targets that wait for the next cycle."""
         for name in joints:
             self.angles.pop(name, None)
             self.stiffnesses.pop(name, None)

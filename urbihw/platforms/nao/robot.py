@@ -75,7 +75,7 @@ TREE: Final = "tree.u"
 
 
 class Nao(MotionRobot):
-    """A Nao."""
+    """A Nao, with its joints, senses and services."""
 
     slot_words = words.BASE
 

@@ -125,17 +125,14 @@ class WatchdogService(object):
 
     def feed(self, seconds):
         # type: (float) -> None
-        """See Watchdog."""
         self._watchdog.feed(seconds)
 
     def release(self):
         # type: () -> None
-        """See Watchdog."""
         self._watchdog.release()
 
     def state(self):
         # type: () -> str
-        """See Watchdog."""
         return self._watchdog.state()
 
     def version(self):
@@ -174,7 +171,7 @@ def serve(url, listen):
 
 def main():
     # type: () -> None
-    """Watch for ever."""
+    """Watch over the robot until the process ends."""
     parser = argparse.ArgumentParser(description="Stops a Nao that has lost urbihw.")
     parser.add_argument("--url", default="tcp://127.0.0.1:9559", help="NAOqi (%(default)s)")
     parser.add_argument("--listen", default="tcp://0.0.0.0:0", help="where urbihw reaches the service (%(default)s)")

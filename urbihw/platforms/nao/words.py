@@ -73,7 +73,7 @@ WALK: Final = {
     "x": ("position, forward from where it began", "m"),
     "y": ("position, to the left", "m"),
     "theta": ("heading, to the left", "rad"),
-    "walks": ("whether it walks, whoever lets it; the last known while the link is lost", ""),
+    "walks": ("whether it walks, for any client; the last known while the link is lost", ""),
     "speeds": ("measured speeds: forward, to the left (m/s), yaw rate to the left (rad/s); nan if not known", ""),
 }
 SENSOR: Final = {"val": ("measured value", "")}

@@ -160,7 +160,7 @@ class NxtWheels:
 
     @property
     def navigation(self) -> NxtOptions:
-        """The settings."""
+        """The settings of the robot for navigation."""
         return self._robot.options
 
     def order_speeds(self, v: float, w: float, origin: Origin) -> None:

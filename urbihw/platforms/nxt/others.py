@@ -54,7 +54,7 @@ class NxtBattery(Gauge):
 
 
 class Beeper(UObject):
-    """The speaker."""
+    """The speaker of the brick, for tones."""
 
     def init(self) -> None:
         """``Beeper.new``"""
@@ -78,7 +78,7 @@ class Beeper(UObject):
 
     @function
     def stop(self) -> None:
-        """Stop the tone."""
+        """Stop the tone that plays."""
         self.brick.channel.set_target(BRICK, "silence", True)
 
 

@@ -54,7 +54,7 @@ class Gauge(UObject):
     """A device that shows a value measured in the brick itself."""
 
     def read(self, values: Mapping[str, Any], stamp: float) -> None:
-        """Show new values."""
+        """Show the new values of the brick."""
         raise NotImplementedError
 
 
@@ -122,7 +122,7 @@ class PortDevice(UObject):
     # ---------------------------------------------------------------- what the robot calls
 
     def read(self, values: Mapping[str, Any], stamp: float) -> None:
-        """Show new values."""
+        """Show the new values of the device."""
         if self.show_values(values, stamp):
             self.seen = stamp
             self.stale.sense(False)

@@ -136,7 +136,7 @@ class BrickInfo:
 
 
 def battery() -> bytes:
-    """GETBATTERYLEVEL."""
+    """The telegram GETBATTERYLEVEL: asks for the voltage."""
     return b"\x00\x0b"
 
 
@@ -146,12 +146,12 @@ def keep_alive(reply: bool) -> bytes:
 
 
 def firmware_version() -> bytes:
-    """GET FIRMWARE VERSION."""
+    """The telegram GET FIRMWARE VERSION."""
     return b"\x01\x88"
 
 
 def device_info() -> bytes:
-    """GET DEVICE INFO."""
+    """The telegram GET DEVICE INFO: name and address."""
     return b"\x01\x9b"
 
 
@@ -174,7 +174,7 @@ def replied(telegram: bytes) -> bytes:
 
 
 def output_state(port: int) -> bytes:
-    """GETOUTPUTSTATE."""
+    """The telegram GETOUTPUTSTATE: asks for the state of a motor."""
     return bytes((0x00, 0x06, port))
 
 
@@ -184,17 +184,17 @@ def reset_rotation(port: int) -> bytes:
 
 
 def input_mode(port: int, kind: int, mode: int) -> bytes:
-    """SETINPUTMODE."""
+    """The telegram SETINPUTMODE: type and mode of a sensor."""
     return bytes((0x00, 0x05, port, kind, mode))
 
 
 def input_values(port: int) -> bytes:
-    """GETINPUTVALUES."""
+    """The telegram GETINPUTVALUES: asks for the values of a sensor."""
     return bytes((0x00, 0x07, port))
 
 
 def tone(frequency: int, milliseconds: int) -> bytes:
-    """PLAYTONE.  No reply."""
+    """The telegram PLAYTONE, without a reply."""
     return struct.pack("<BBHH", 0x80, 0x03, frequency, milliseconds)
 
 
@@ -204,7 +204,7 @@ def stop_program() -> bytes:
 
 
 def stop_sound() -> bytes:
-    """STOPSOUNDPLAYBACK.  No reply."""
+    """The telegram STOPSOUNDPLAYBACK, without a reply."""
     return b"\x80\x0c"
 
 
@@ -221,7 +221,7 @@ def ls_write(port: int, data: bytes, count: int) -> bytes:
 
 
 def ls_read(port: int) -> bytes:
-    """LSREAD."""
+    """The telegram LSREAD: asks for what an I2C sensor has sent."""
     return bytes((0x00, 0x10, port))
 
 

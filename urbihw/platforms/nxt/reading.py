@@ -53,7 +53,7 @@ class ReadingJob(ABC):
 
 
 class OutputJob(ReadingJob):
-    """Reads a motor."""
+    """Reads the state of a motor."""
 
     def telegram(self, now: float) -> bytes:
         """Return GETOUTPUTSTATE of the motor."""
@@ -119,10 +119,9 @@ class DistanceJob(ReadingJob):
 
 
 class BatteryJob(ReadingJob):
-    """Reads the battery."""
+    """Reads the voltage of the battery."""
 
     def telegram(self, now: float) -> bytes:
-        """Return GETBATTERYLEVEL."""
         return p.battery()
 
     def parse_reply(self, reply: bytes, now: float) -> Values | None:

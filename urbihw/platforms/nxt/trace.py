@@ -33,7 +33,7 @@ _SYSTEM_NAMES: Final = {
 
 
 class NxtDecoder(StreamDecoder):
-    """Decodes telegrams."""
+    """Decodes the telegrams of a brick."""
 
     half_duplex = True
 

@@ -27,7 +27,7 @@ class Mechanics(Protocol):
     gap: float
 
     def connect(self) -> Sequence[bytes]:
-        """Make it ready."""
+        """The packets that make the mechanics ready."""
         ...
 
     def look(self, pan: float, tilt: float) -> Sequence[bytes]:

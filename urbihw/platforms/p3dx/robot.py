@@ -415,7 +415,7 @@ class P3dx(ArcosRobot):
         self.channel.write(ROBOT, "enable", int(on), done)
 
     def switch_sonars(self, on: bool) -> None:
-        """Switch the sonars."""
+        """Switch all sonars on or off."""
         self.check_link()
         self.channel.write(ROBOT, "sonar", int(on), self.warn_on_failure("sonars"))
 

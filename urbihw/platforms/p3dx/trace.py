@@ -21,7 +21,7 @@ _SYNCS: Final = ("SYNC0", "SYNC1", "SYNC2")
 
 
 class ArcosDecoder(StreamDecoder):
-    """Decodes ARCOS."""
+    """Decodes the packets of ARCOS."""
 
     def cut(self, direction: Direction, data: bytearray) -> Cut | None:
         """Return how these bytes begin."""
@@ -42,7 +42,6 @@ class ArcosDecoder(StreamDecoder):
         return Cut(inner, noise=True) if inner > 0 and not _is_intact(data[:size]) else Cut(size)
 
     def decode(self, time: float, direction: Direction, data: bytes) -> list[TracedPacket]:
-        """Return the packet."""
         body = data[3:-2]
         if not _is_intact(data):
             return [TracedPacket(time, direction, "", "?", hex_of(data), "bad", "the checksum is wrong", data)]

@@ -63,7 +63,7 @@ class SceneDrawing:
             self._news.notify()
 
     def offer(self, model: Path, state: bytes, time: float, view: ViewPoint) -> None:
-        """Draw this next."""
+        """Let this state be drawn next."""
         with self._news:
             if self._wanted:
                 self._job = model, state, time, view

@@ -43,7 +43,7 @@ class SceneRecording:
             raise ValueError(f"the model {model} cannot be read: {error.strerror}") from error
 
     def add(self, state: bytes) -> None:
-        """Keep a state."""
+        """Keep one more state of the model."""
         self._size += len(state)
         if self._size <= MAX_BYTES:
             self.states.append(state)

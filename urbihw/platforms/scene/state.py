@@ -15,7 +15,7 @@ MODEL: Final = ("geom_rgba", "geom_size", "site_rgba")
 
 
 def state_of(model: Any, data: Any) -> bytes:
-    """Return the state."""
+    """Return the state of a model's data as bytes."""
     import numpy
 
     parts = [[data.time], *(getattr(data, name).ravel() for name in DATA)]

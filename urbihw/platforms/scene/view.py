@@ -94,7 +94,7 @@ class WorldView(OnDemand):
             self._tell(str(error))
 
     def close(self) -> None:
-        """Look no more."""
+        """Stop looking at the world."""
         self._drawing.stop()
         self._source.end()
 

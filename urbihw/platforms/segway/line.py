@@ -18,7 +18,7 @@ class RmpLine(Protocol):
     """Frames over a port; both raise LinkGone, `send` also BusTimeout."""
 
     def send(self, frame: CanFrame) -> None:
-        """Send a frame."""
+        """Send one frame to the base."""
         ...
 
     def receive(self) -> list[CanFrame]:

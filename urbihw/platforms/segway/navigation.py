@@ -62,7 +62,7 @@ class SegwayWheels:
 
     @property
     def navigation(self) -> SegwayOptions:
-        """The settings."""
+        """The settings of the robot for navigation."""
         return self._robot.options
 
     def order_speeds(self, v: float, w: float, origin: Origin) -> None:

@@ -96,7 +96,7 @@ class RmpBase(Protocol):
         ...
 
     def send_configuration(self, slot: str, name: str, parameter: int) -> None:
-        """Configure the base."""
+        """Send a configuration command to the base."""
         ...
 
 

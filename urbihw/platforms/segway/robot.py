@@ -35,7 +35,7 @@ TREE: Final = "rmp.u"
 
 
 class Segway(WiredRobot):
-    """A Segway RMP."""
+    """A Segway RMP of any model."""
 
     slot_words = words.BASE
 
@@ -259,7 +259,7 @@ class Segway(WiredRobot):
         self._drop_path("the link was lost")
 
     def on_halt(self, reason: str, devices: tuple[Hashable, ...] | None = None) -> None:
-        """End a path."""
+        """End the path that the robot follows."""
         self._drop_path(reason)
 
     def _drop_path(self, reason: str) -> None:

@@ -38,7 +38,6 @@ class UsbDecoder(StreamDecoder):
         return Cut(usb.SIZE) if len(data) >= usb.SIZE else None
 
     def decode(self, time: float, direction: Direction, data: bytes) -> list[TracedPacket]:
-        """Return the packet."""
         if not usb.is_intact(data):
             return [TracedPacket(time, direction, "", "?", hex_of(data), "bad", "the checksum is wrong", data)]
         own = data[2] in (0xAA, _CHANNEL_B)

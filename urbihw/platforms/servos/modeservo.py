@@ -202,7 +202,6 @@ class ModeServo(ServoMotor):
         return self.mode_read is not None and self.mode_read.effector == item
 
     def effector_writers(self) -> dict[str, Callable[[Origin], None]]:
-        """Also the efforts."""
         return super().effector_writers() | {slot: partial(self._write_effort, slot) for slot in self._effort_guards}
 
     def restorable_settings(self) -> dict[str, int]:

@@ -42,7 +42,7 @@ class Uploads:
         return bool(self._chunks)
 
     def add_chunk(self, reply_id: int, flags: int, data: bytes) -> None:
-        """Queue a chunk."""
+        """Queue one chunk of a file."""
         self._chunks.append((reply_id, p.upload(flags, data)))
 
     def next_packet(self) -> tuple[bytes, list[FromWorker]] | None:

@@ -56,7 +56,7 @@ class SpykeeMp3(UObject):
 
     @function
     def stop(self) -> None:
-        """Stop the music."""
+        """Stop the music that plays."""
         self._current = next(self._calls)
         self._end()
         self._channel.write("play", "stop", 0, self._warn)

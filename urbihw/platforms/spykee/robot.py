@@ -42,7 +42,7 @@ TREE: Final = "tree.u"
 
 
 class Spykee(WiredRobot):
-    """A Spykee."""
+    """A Spykee, with its tracks, senses and sounds."""
 
     slot_words = words.BASE
 

@@ -60,7 +60,7 @@ class SpykeeMicro(SpykeeStream):
     duration = reading(0.0)
 
     def init(self, channel: DeviceChannel) -> None:
-        """Start without sound."""
+        """Called by ``new``; there is no sound yet."""
         super().init(channel)
         self._last = 0
         self._pieces: list[bytes] = []

@@ -38,7 +38,6 @@ class SpykeeDecoder(StreamDecoder):
         return Cut(size) if len(data) >= size else None
 
     def decode(self, time: float, direction: Direction, data: bytes) -> list[TracedPacket]:
-        """Return the packet."""
         kind, payload = data[2], data[_HEADER.size :]
         detail, problem = _content(kind, direction, payload)
         shown = data[: _HEADER.size] if kind in _SECRET else data

@@ -156,14 +156,14 @@ class MotionRobot(WiredRobot):
 
     @function("dropMotion")
     def drop_motion(self, number: int) -> None:
-        """Forget a motion."""
+        """Forget a motion that was played, by its number."""
         self._played.pop(number, None)
 
     # ---------------------------------------------------------------- recording
 
     @function("savePoseFile")
     def save_pose_file(self, name: str, joints: list[str], angles: list[float]) -> None:
-        """Write a pose."""
+        """Write a pose to its file."""
         _check_angles(joints, angles)
         self._poses.save(name, MotionRecording(self.robot_name, 0.0, tuple(joints), (PoseRow(0.0, tuple(angles)),)))
 

@@ -57,7 +57,6 @@ class BlobDetector(UObject):
     threshold = owned(0.1)
 
     def init(self, camera: Camera, red: float, green: float, blue: float) -> None:
-        """See the class."""
         if not red + green + blue > 0:
             raise ValueError("black is no colour to look for")
         self._colour = red, green, blue

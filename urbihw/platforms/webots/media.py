@@ -32,7 +32,6 @@ class Camera(SimSensor):
     format = reading("rgb")
 
     def init(self, name: str) -> None:
-        """See the class."""
         surface = surface_of(self)
         if surface.is_taken(name):
             raise ValueError(f"camera {name!r} has an object already; there can be only one")
@@ -67,7 +66,6 @@ class Receiver(SimSensor):
     received = event()
 
     def init(self, name: str) -> None:
-        """See the class."""
         super().init(name)
         self.channel.sense(self.fact("channel"))
 
@@ -86,14 +84,13 @@ class Speaker(UObject):
     node = reading("")
 
     def init(self, name: str) -> None:
-        """See the class."""
         self._surface = surface_of(self)
         self._surface.world.device(name, s.SPEAKER)
         self.node.sense(name)
 
     @function
     def say(self, text: str) -> None:
-        """Speak a text."""
+        """Speak a text in the simulation."""
         self.spoken.sense(text)
         self._surface.write(str(self.node.sensed), "speech", text)
 
@@ -112,7 +109,6 @@ class Display(UObject):
     node = reading("")
 
     def init(self, name: str) -> None:
-        """See the class."""
         self._surface = surface_of(self)
         device = self._surface.world.device(name, s.DISPLAY)
         self.node.sense(name)
@@ -124,10 +120,10 @@ class Display(UObject):
 
     @function
     def text(self, text: str, x: int, y: int, colour: int = 0xFFFFFF) -> None:
-        """Draw a text."""
+        """Draw a text on the display."""
         self._draw("text", text, x, y, colour)
 
     @function
     def rectangle(self, x: int, y: int, width: int, height: int, colour: int = 0) -> None:
-        """Fill a rectangle."""
+        """Fill a rectangle of the display."""
         self._draw("rectangle", x, y, width, height, colour)

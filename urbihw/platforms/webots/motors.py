@@ -119,7 +119,6 @@ class Servo(SimMotor):
     force = reading(math.nan)
 
     def init(self, name: str, forceFeedback: bool = False) -> None:
-        """See the class."""
         self._feedback = forceFeedback
         self.begin(name)
 
@@ -138,7 +137,6 @@ class DifferentialWheels(SimMotor):
     encoderResolution = owned(100.0)
 
     def init(self, name: str, left: bool) -> None:
-        """See the class."""
         world = surface_of(self).world
         side = "left" if left else "right"
         motors = [each.name for each in world.devices if each.kind == MOTOR]

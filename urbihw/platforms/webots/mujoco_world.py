@@ -42,7 +42,7 @@ class BadModel(Exception):
 
 
 class MujocoWorld(s.BackEnd):
-    """A loaded model."""
+    """A loaded model, its state, and its devices."""
 
     def __init__(self, path: Path) -> None:
         """Load a model.  Raises NoMujoco, BadModel."""

@@ -45,7 +45,7 @@ class Simulation(Protocol):
         ...
 
     def close(self) -> None:
-        """Leave it."""
+        """Leave the simulation for good."""
         ...
 
 

@@ -68,7 +68,7 @@ if (!robot.hasLocalSlot("stop")) robot.setSlot("stop", function () { webots.stop
 
 
 class Webots(WiredRobot):
-    """A simulated robot."""
+    """A simulated robot: its devices, clock and world."""
 
     slot_words = words.ROBOT
     classes = (
@@ -126,7 +126,6 @@ class Webots(WiredRobot):
             self._grant()
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
-        """Start the worker."""
         self._apply_options(settings)
         self.mode.sense(self.options.mode)
         self.factor.sense(self.options.factor)

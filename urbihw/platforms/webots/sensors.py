@@ -39,7 +39,7 @@ class SimSensor(MeasuredDevice):
         return float(self.device.facts.get(name, missing))
 
     def show(self, value: Any, stamp: float) -> None:
-        """Show a sample."""
+        """Show a sample of the device."""
         self.sensed(value, stamp)
         self.mark_fresh()
 
@@ -56,7 +56,6 @@ class Accelerometer(SimSensor):
     acceleration = reading(math.nan)
 
     def init(self, name: str, component: str) -> None:  # type: ignore[override]
-        """See the class."""
         self._axis = axis_of(component)
         super().init(name)
 
@@ -72,7 +71,6 @@ class Gyro(SimSensor):
     speed = reading(math.nan)
 
     def init(self, name: str, component: str) -> None:  # type: ignore[override]
-        """See the class."""
         self._axis = axis_of(component)
         super().init(name)
 
@@ -205,7 +203,6 @@ class Lidar(SimSensor):
     rate = reading(math.nan)
 
     def init(self, name: str) -> None:
-        """See the class."""
         super().init(name)
         fov, width = self.fact("fov"), self.fact("width")
         self.angleMin.sense(-fov / 2)
@@ -231,7 +228,6 @@ class RangeFinder(SimSensor):
     distanceMax = reading(math.nan)
 
     def init(self, name: str) -> None:
-        """See the class."""
         super().init(name)
         facts = (self.width, "width"), (self.height, "height"), (self.xfov, "fov"), (self.distanceMax, "max")
         for var, fact in facts:
@@ -249,7 +245,6 @@ class Led(UObject):
     node = reading("")
 
     def init(self, name: str) -> None:
-        """See the class."""
         surface = surface_of(self)
         surface.world.device(name, s.LED)
         self.node.sense(name)
@@ -271,7 +266,6 @@ class Emitter(UObject):
     channel = reading(math.nan)
 
     def init(self, name: str) -> None:
-        """See the class."""
         self._surface = surface_of(self)
         device = self._surface.world.device(name, s.EMITTER)
         self._name = name

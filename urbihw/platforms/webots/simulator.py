@@ -262,7 +262,7 @@ class BackEnd(ABC):
 
     @abstractmethod
     def reset_physics(self) -> None:
-        """Stop all bodies."""
+        """Stop all bodies where they are."""
 
     @abstractmethod
     def revert(self) -> None:
@@ -270,8 +270,8 @@ class BackEnd(ABC):
 
     @abstractmethod
     def quit(self) -> None:
-        """End the simulator."""
+        """End the simulator itself, for all its robots."""
 
     @abstractmethod
     def close(self) -> None:
-        """Leave the simulation."""
+        """Leave the simulation for good."""

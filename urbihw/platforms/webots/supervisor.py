@@ -36,7 +36,6 @@ class Label(UObject):
     size = owned(0.1)
 
     def init(self, text: str) -> None:
-        """See the class."""
         self._surface = supervising(self)
         self._number = self._surface.next_label()
         self.txt.sense(text)
@@ -81,7 +80,6 @@ class ManipulateNode(MeasuredDevice):
     node = reading("")
 
     def init(self, name: str) -> None:
-        """See the class."""
         self._surface = surface = supervising(self)
         nodes = surface.world.nodes
         if nodes is not None and name not in nodes:
@@ -122,7 +120,6 @@ class SimulationController(UObject):
     """``SimulationController.new``"""
 
     def init(self) -> None:
-        """See the class."""
         self._surface = supervising(self)
 
     @function("physicsReset")
@@ -137,5 +134,5 @@ class SimulationController(UObject):
 
     @function
     def quit(self) -> None:
-        """End the simulator."""
+        """End the simulator at once."""
         self._surface.ask("quit")
