@@ -306,11 +306,11 @@ class Scene:
     # ---------------------------------------------------------------- events
 
     def stop(self) -> None:
-        """Somebody else says it."""
+        """Another client stops the robot."""
         self.lab.look("robot.stop")
 
     def estop(self) -> None:
-        """Somebody else presses it."""
+        """Another client asks for an emergency stop."""
         self.lab.look(f"{self.motion.slot}.estop = true")
 
     def silence(self, seconds: float) -> None:

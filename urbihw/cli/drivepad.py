@@ -49,7 +49,7 @@ class Pad:
             raise CliRefused(f"{path} has no stick; evtest lists the devices", EX_CONFIG) from None
 
     def fileno(self) -> int:
-        """For ``select``."""
+        """The descriptor, for ``select``."""
         return int(self._device.fileno())
 
     def read(self) -> None:

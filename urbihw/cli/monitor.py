@@ -34,7 +34,7 @@ MAX_FINDINGS: Final = 5
 LEAVE: Final = b"q\x03\x04"
 """Keys that end it: q, Ctrl-C, Ctrl-D."""
 _STYLES: Final = ("green", "yellow", "bold red")
-"""By level."""
+"""The colours of the levels, from ok to bad."""
 _STATE_STYLES: Final = {"ok": "green", "back": "yellow", "suspect": "yellow", "lost": "bold red"}
 _DUMB: Final = ("", "dumb", "unknown")
 """Values of TERM for a terminal without a cursor that can be moved."""

@@ -110,4 +110,4 @@ class _Waiting:
 
 
 DEFERRAL = Deferral()
-"""That of the process, as it has one handler."""
+"""The one deferral of the process, which has one handler."""

@@ -34,7 +34,7 @@ class Blob:
         return isinstance(other, Blob) and (self.keywords, self.data) == (other.keywords, other.data)
 
     def __hash__(self) -> int:
-        """As for any value that is compared."""
+        """Equal values have the same hash."""
         return hash((self.keywords, self.data))
 
     def __repr__(self) -> str:

@@ -71,7 +71,7 @@ def control_socket_names(environment: Mapping[str, str] = os.environ) -> list[st
 
 
 def service_socket_names() -> list[str]:
-    """Those of the service alone."""
+    """The names of the sockets in the folder of the service."""
     return _names_in(os.fspath(SERVICE_FOLDER))
 
 

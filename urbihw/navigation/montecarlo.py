@@ -48,7 +48,7 @@ CONFIRMATIONS: Final = 10
 RIVALS: Final = 16
 """Other places of the map that are compared with the one that was found."""
 LEAD: Final = 0.05
-"""By how much the place must explain the last scans better than each of them, in the score of ``match_scan``."""
+"""Lead in the score of ``match_scan`` with which the place must explain the last scans better than each of them."""
 MAX_SCANS: Final = 40
 """Scans that count after which the search begins anew."""
 

@@ -187,7 +187,7 @@ async def drive(session: WebSession, request: Request) -> dict[str, Any]:
         driven = parse_answer(line.shown)
     except ValueError as error:
         raise LobbyError("this robot does not drive", "language") from error
-    # By the way of the answer too old, so that orders never seem younger than they are.
+    # The answer was on its way meanwhile: orders may seem older than they are, but never younger.
     session.server_ahead = driven.time - loop.time()
     return {"deferred": driven.deferred, "late": driven.late, "x": driven.x, "yaw": driven.yaw}
 

@@ -9,7 +9,7 @@ DRIFT: Final = 2e-4
 
 
 class Travel:
-    """The travel of messages, beyond that of the quickest one: where a clock began is not known."""
+    """How much longer messages travel than the quickest one: the clocks have no common beginning."""
 
     def __init__(self) -> None:
         self._least: float | None = None

@@ -11,11 +11,11 @@ SAFE_CALLS: Final = frozenset((
 ))  # fmt: skip
 """The functions of a robot and its devices that a browser of role drive may call."""
 PACED_CALLS: Final = ("play", "pose")
-"""Those whose second argument is a share of the speed that was recorded, or of that of poses."""
+"""Functions whose second argument is a share of the recorded speed, or of the speed of poses."""
 TELLING_CALLS: Final = frozenset(("motions", "poses", "pages", "playing", "teaching"))
-"""Those that only tell something: their answer is waited for, since none is not the answer "no"."""
+"""Functions that only return a value: their answer is waited for, since no answer does not mean "no"."""
 FREE_CALLS: Final = TELLING_CALLS | {"stop", "endPlaying"}
-"""Those that need no lease: they only tell something, or end a movement."""
+"""Functions that need no lease: they only return a value, or end a movement."""
 
 
 class Tree:

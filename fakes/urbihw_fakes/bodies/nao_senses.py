@@ -39,7 +39,7 @@ class Senses:
         return Feeling((ax, ay, az), (wx, wy, wz), (-left, ahead), {foot: self._weights(foot, values) for foot in FEET})
 
     def _weights(self, foot: str, values: list[float]) -> tuple[float, float, float, float]:
-        """Under the four cells of a foot: kg."""
+        """The weights on the four cells of a foot, kg."""
         front_left, front_right, rear_left, rear_right = (values[cell.start] / GRAVITY for cell in self._cells[foot])
         return front_left, front_right, rear_left, rear_right
 

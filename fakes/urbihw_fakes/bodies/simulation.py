@@ -168,7 +168,7 @@ class Simulation:
         return math.atan2(-float(matrix[6]), float(matrix[8])), math.atan2(-float(matrix[7]), float(matrix[8]))
 
     def touched(self, geoms: frozenset[int]) -> set[int]:
-        """Those of these geoms that touch something."""
+        """The geoms among these that touch something."""
         found: set[int] = set()
         for contact in self.data.contact[: self.data.ncon]:
             found.update(geoms.intersection(int(geom) for geom in contact.geom))

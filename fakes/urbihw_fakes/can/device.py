@@ -12,7 +12,7 @@ from urbihw_fakes.can.node import CanFrame, CanNode, Timed
 from urbihw_fakes.device import Answer, Device
 
 THE_NODE = 1
-"""By this number `urbihw_fakes.faults` knows the one node on the bus."""
+"""The number of the one node on the bus, for `urbihw_fakes.faults`."""
 
 
 class Codec(Protocol):

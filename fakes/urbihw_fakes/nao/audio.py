@@ -69,7 +69,7 @@ class Tone:
     seconds: float
 
     def value(self, at: float) -> float:
-        """From -1 to 1."""
+        """The sample at a time, -1 to 1."""
         since = at - self.at
         return math.sin(math.tau * self.frequency * since) if 0 <= since < self.seconds else 0.0
 

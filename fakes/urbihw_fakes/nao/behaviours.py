@@ -38,7 +38,7 @@ class Behaviours(Service):
                 self.finished.append(name)
 
     def is_active(self) -> bool:
-        """While a behaviour runs."""
+        """Whether a behaviour runs at present."""
         return bool(self._started)
 
     @method("runBehavior", "(s)")

@@ -61,11 +61,11 @@ STAND = {
     "KneePitch": 0.7, "AnklePitch": -0.35, "AnkleRoll": 0.0,
 }  # fmt: skip
 CROUCH = {"HipPitch": -0.95, "KneePitch": 2.1, "AnklePitch": -1.18, "ShoulderPitch": 1.5}
-"""With an upright torso: so it stays there when it goes slack, in a world, too.  The maker's angle of the hips is not
-known."""
+"""The torso is upright, so that the robot stays there when it goes slack, in a world, too.  The maker's angle of the
+hips is not known."""
 ZERO: dict[str, float] = {}
 LEGS = ("Hip", "Knee", "Ankle")
-"""In the names of the joints of the legs."""
+"""Words in the names of the joints of the legs."""
 POSTURES = {"Stand": STAND, "StandInit": STAND, "StandZero": ZERO, "Crouch": CROUCH}
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from urbihw_fakes.nao.services import Failed, Service, method
 
 LEVELS = ("silent", "fatal", "error", "warning", "info", "verbose", "debug")
-"""By the number of `setVerbosity`."""
+"""The levels of `setVerbosity`, by their number."""
 STATES = ("solitary", "interactive", "disabled", "safeguard")
 
 

@@ -39,7 +39,7 @@ except ImportError:
 LOOK_PERIOD_S = 0.01
 """Between two looks at what blocking calls wait for."""
 LISTEN_TRIES, LISTEN_PAUSE_S = 20, 0.05
-"""For a port that the session before this one has just left."""
+"""Tries to listen on a port that an earlier session has just left."""
 
 
 class LibqiEndpoint(Endpoint):

@@ -21,7 +21,7 @@ MODEL = [["Model Type", "Head Version", "Body Version"], ["naoH25", "VERSION_50"
 
 
 def gait_shares(config: Any) -> tuple[float, ...]:
-    """By which share of its greatest speeds the robot walks with foot-step parameters.  Raises Failed."""
+    """The shares of its greatest speeds with which the robot walks by foot-step parameters.  Raises Failed."""
     steps, frequency = dict(STEPS), 1.0
     for name, value in config or ():
         plain = name.removeprefix("Left").removeprefix("Right")

@@ -125,7 +125,7 @@ class Speech(Service):
 
     @method("getAvailableVoices", "()", "[s]")
     def get_voices(self) -> list[str]:
-        """Those that are installed."""
+        """The installed ones, by name."""
         return list(VOICES)
 
     @method("setLanguage", "(s)")
@@ -142,7 +142,7 @@ class Speech(Service):
 
     @method("getAvailableLanguages", "()", "[s]")
     def get_languages(self) -> list[str]:
-        """Those that are installed."""
+        """The installed ones, by name."""
         return list(LANGUAGES)
 
 
@@ -200,7 +200,7 @@ class Recognition(Service):
 
     @method("getAvailableLanguages", "()", "[s]")
     def get_languages(self) -> list[str]:
-        """Those that are installed."""
+        """The installed ones, by name."""
         return list(LANGUAGES)
 
     @method("pause", "(b)")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 SYNC0: Final = 0
-"""While a connection is made: the first of SYNC0, SYNC1, SYNC2."""
+"""The first packet of a new connection; SYNC1 and SYNC2 follow."""
 OPEN: Final = 1
 CLOSE: Final = 2
 POLLING: Final = 3

@@ -17,7 +17,7 @@ from urbihw.buses.qi.values import decode, encode
 REGISTER_EVENT, UNREGISTER_EVENT = 0, 1
 _READ_BYTES: Final = 65536
 _MOST_READS: Final = 16
-"""In one ``receive``: who never stops sending must not hold the worker."""
+"""Reads in one ``receive``: an endless sender must not hold the worker."""
 
 Address = tuple[int, int, int]
 """Service, object and action."""

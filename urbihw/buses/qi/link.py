@@ -25,7 +25,7 @@ from urbihw.settings import TEXT, SettingRule
 
 PORT: Final = 9559
 TLS_PORT: Final = 9503
-"""That of NAOqi 2.9 (fact sheet, section 3)."""
+"""The port of NAOqi 2.9 (fact sheet, section 3)."""
 LINE_BITS: Final = 54_000_000
 """Bits per second of a network that a Nao may be in (802.11g), for the load that is shown."""
 LOST_S: Final = 2.0

@@ -26,7 +26,8 @@ PLACE: Final = "present_position"
 GOAL: Final = "goal_position"
 WATCHDOG: Final = "bus_watchdog"
 WATCHDOG_COUNTS: Final = 25
-"""In units of 20 ms: a turning servo of the X series stops after half a second without an instruction."""
+"""Time of the watchdog in units of 20 ms: a turning servo of the X series stops after half a second without an
+instruction."""
 WATCHDOG_CHECK_PERIOD_S: Final = 0.2
 """Seconds between two readings of an armed watchdog; the reading also resets it."""
 EFFORTS: Final = {

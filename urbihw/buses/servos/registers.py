@@ -29,9 +29,9 @@ OWN_COMMANDS: Final = {
 }  # fmt: skip
 """Registers that are not written by name -> what changes them."""
 PINGS_ONLY: Final = "status_return_level"
-"""At 0 of this register a servo answers pings only. (The response_level 0 of a Feetech answers reads, too.)"""
+"""The register with which a servo answers pings only, at 0. (The response_level 0 of a Feetech answers reads, too.)"""
 ANSWER_LEVELS: Final = ("status_return_level", "response_level")
-"""At the highest value of this register a servo answers everything: Dynamixel, Feetech."""
+"""The registers with which a servo answers everything, at their highest value: Dynamixel, Feetech."""
 
 
 class ServoError(BusError):

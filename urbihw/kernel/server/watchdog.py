@@ -145,7 +145,7 @@ class Watchdog:
             time.sleep(MAX_RUN_S if busy else POLL_PERIOD_S)
 
     def _processor_time(self) -> float:
-        """That of the scheduler's thread, in seconds."""
+        """The processor time of the scheduler's thread, in seconds."""
         return time.clock_gettime(self._processor_clock)
 
     def _interrupt(self, look: _Observation) -> None:

@@ -196,7 +196,7 @@ class ValueFeed(Feed):
 
 
 def _cut(texts: Iterable[str]) -> list[str]:
-    """As many values as there is room for, the others null."""
+    """The values for which there is room, and null for the others."""
     left = MAX_SAMPLE_LENGTH
     kept = []
     for text in texts:

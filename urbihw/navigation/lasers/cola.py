@@ -141,7 +141,7 @@ class Numbers(Protocol):
 
 
 class TextNumbers:
-    """Those of CoLa A."""
+    """Reads the numbers of CoLa A, which are text."""
 
     def __init__(self, data: bytes) -> None:
         self._words = iter(data.split())
@@ -159,7 +159,7 @@ class TextNumbers:
 
 
 class BinaryNumbers:
-    """Those of CoLa B."""
+    """Reads the numbers of CoLa B, which are binary."""
 
     def __init__(self, data: bytes) -> None:
         self._data = data

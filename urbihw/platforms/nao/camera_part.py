@@ -27,7 +27,7 @@ VIDEO: Final = "ALVideoDevice"
 FILM: Final = "film"
 LOST: Final = "lost"
 NAME: Final = "urbihw"
-"""Under which NAOqi knows us."""
+"""The name under which NAOqi knows this program."""
 _CLEAR: Final = "unsubscribeAllInstances"
 PICTURE_TIMEOUT_S: Final = 10.0
 """Seconds that a picture may take on a slow network."""

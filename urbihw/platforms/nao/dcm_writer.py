@@ -47,7 +47,7 @@ class Aliases:
         self._names: OrderedDict[tuple[str, ...], str] = OrderedDict()
 
     def find_joints(self, joints: Sequence[str]) -> list[str]:
-        """Those of these joints that the DCM knows.  Raises Unavailable, BadValue, LinkGone."""
+        """The joints among these that the DCM knows.  Raises Unavailable, BadValue, LinkGone."""
         keys = [_key(name) for name in joints]
         answer = self._exchange.ask(self._dcm, "createAlias", [f"{ALIAS}All", keys])
         found = answer[-1] if isinstance(answer, list | tuple) and answer else None

@@ -49,7 +49,7 @@ class JointWriter:
         raise NotImplementedError
 
     def may_move(self, joints: Sequence[str], now: float) -> list[str]:
-        """Those of these joints whose motion goes on by what was sent, wherever they are."""
+        """The joints among these whose motion goes on by what was sent, wherever they are."""
         return []
 
     def hold(self, places: Mapping[str, float]) -> None:

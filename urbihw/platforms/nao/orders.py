@@ -66,7 +66,7 @@ class JointOrders:
         return stiffnesses, goals
 
     def under_way(self, joints: Iterable[str], where: Mapping[str, float]) -> dict[str, float]:
-        """Those joints that were sent somewhere and are not there yet, and where they are."""
+        """The joints among these that have not reached their goal yet, and where they are."""
         return {
             name: where[name]
             for name in joints

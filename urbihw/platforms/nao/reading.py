@@ -62,7 +62,7 @@ def slow_keys(joints: Sequence[str]) -> dict[str, Key]:
 
 
 def known_keys(keys: Mapping[str, Key], values: Sequence[Any]) -> dict[str, Key]:
-    """Those that this robot has, as a first reading tells: the first of several names of a sensor."""
+    """The keys that this robot has, by a first reading: the first of several names of a sensor."""
     found: dict[str, Key] = {}
     for (name, key), value in zip(keys.items(), values, strict=True):
         if _number(value) is not None and key not in found.values():

@@ -69,7 +69,7 @@ SLACK_LEGS: Final = "the legs are slack: robot.wakeUp lets the robot stand"
 VARIABLE: Final = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)?", re.ASCII)
 """A slot, or one of an object."""
 NO_SERVICE: Final = "Cannot find service"
-"""In the answer of NAOqi's directory to a name that it does not know."""
+"""Words of the directory of NAOqi in its answer to an unknown name."""
 TREE: Final = "tree.u"
 """Builds the standard robot API, when the robot was found."""
 

@@ -25,7 +25,7 @@ EFFECTORS: Final[Mapping[str, str]] = {"LHand": "LArm", "RHand": "RArm"}
 HANDS: Final = "hands"
 """The device whose watch lets the places of both hands be read often."""
 ROBOT_FRAME: Final = 2
-"""From the middle between the feet: x ahead, y to the left, z up, m."""
+"""The frame between the feet: x ahead, y to the left, z up, m."""
 STEP_S: Final = 0.2
 """Seconds between two places for one hand at least: NAOqi advises so."""
 IDLE_S: Final = 10.0

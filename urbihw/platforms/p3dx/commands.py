@@ -111,7 +111,8 @@ DRIVING: Final = frozenset(
 )
 """The commands that only the driver sends: it must know the commanded speeds and the state of the connection."""
 RAMPS: Final = frozenset({"SETA", "SETRA"})
-"""Those of the slots ``acceleration`` and ``deceleration``, which keep the brakes as strong as the robot's own."""
+"""The commands of the slots ``acceleration`` and ``deceleration``, which keep the brakes as strong as the robot's
+own."""
 GAINS: Final = frozenset({"ROTKP", "ROTKV", "ROTKI", "TRANSKP", "TRANSKV", "TRANSKI"})
 """The gains of the speed control: without them the robot neither drives nor brakes."""
 
@@ -120,7 +121,7 @@ GRIPPER: Final = "gripper"
 OPEN, CLOSE, HALT_PADDLES, UP, DOWN, HALT_LIFT, STORE, DEPLOY, HALT = 1, 2, 3, 4, 5, 6, 7, 8, 15
 """The arguments of the command GRIPPER."""
 GRIPPER_HALTS: Final = frozenset({HALT_PADDLES, HALT_LIFT, HALT})
-"""Those that move nothing."""
+"""The commands of the gripper that move nothing."""
 
 _LEAST_AND_MOST: Final = {NUMBER: (-LARGEST, LARGEST), WORD: (0, 0xFFFF)}
 

@@ -16,7 +16,7 @@ HOST_BAUDS: Final = {9600: 0, 19200: 1, 38400: 2, 57600: 3, 115200: 4}
 FUSED: Final = "fused"
 SHOWN: Final = "shown"
 SIMULATED: Final = "sim"
-"""In place of a url: the laser of MobileSim, whose scans come with the robot's packets."""
+"""Value in place of a url for the laser of MobileSim, whose scans come with the robot's packets."""
 
 
 @dataclass(frozen=True)

@@ -58,7 +58,7 @@ MONITOR: Final[dict[int, tuple[tuple[str, int, str], ...]]] = {
 }
 """Frame -> (name, first word, kind) of what it holds; other words mean nothing."""
 OLD_BATTERY: Final = ("battery", 2, _UNSIGNED)
-"""In 0x0400 of the oldest firmware, which has no 0x0406 (CARMEN)."""
+"""The battery in frame 0x0400 of the oldest firmware, which has no 0x0406 (CARMEN)."""
 COUNTERS: Final = ("left", "right", "forward", "yaw")
 
 LOW_VOLTAGE: Final = 66.0
