@@ -78,6 +78,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.exitcodes": (),
     # Where a bus worker listens besides its file.
     "urbihw.control_address": (),
+    # The client's side of that socket: for the commands, the gateway and the metrics.
+    "urbihw.control_line": ("urbihw.control_address",),
     # How an extra is installed: for who has to say so.
     "urbihw.extras": (),
     # Wires and robots.
@@ -169,6 +171,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.files",
         "urbihw.backoff",
         "urbihw.control_address",
+        "urbihw.control_line",
         "urbihw.client",
         "urbihw.buses.verdict",
     ),
@@ -190,6 +193,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.backoff",
         "urbihw.exitcodes",
         "urbihw.control_address",
+        "urbihw.control_line",
         "urbihw.extras",
         "urbihw.daemon",
         "urbihw.remote",

@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 
+from urbihw import control_line
 from urbihw.cli import control, direct
 from urbihw.cli.main import main
 from urbihw.control_address import abstract_address
@@ -206,10 +207,10 @@ def test_what_is_no_bus_worker_is_told_in_one_line_and_the_others_stop(
 def test_without_rights_it_says_which_to_get(folder: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch) -> None:
     leave(folder, "bioloid-54000")
 
-    def refuse(self: object, line: str) -> None:
+    def refuse(path: object) -> None:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(control._Query, "_connect", refuse)
+    monkeypatch.setattr(control_line, "dial_control", refuse)
     assert main(("stop",)) == 69
     assert "use sudo, or join the group" in capsys.readouterr().err
 

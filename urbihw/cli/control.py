@@ -9,12 +9,11 @@ the command calls ``run_at_once``, without a parser of options; what that does n
 from __future__ import annotations
 
 import os
-import socket
 import sys
 import time
 
 from urbihw.client.latch import write_latch
-from urbihw.control_address import abstract_address, user_at
+from urbihw.control_line import ANSWER_TIMEOUT_S, ControlLine, dial_control, question
 from urbihw.daemon.runtime import SERVICE_FOLDER, control_socket_names, service_socket_names
 from urbihw.exitcodes import EX_CONFIG, EX_UNAVAILABLE
 
@@ -33,13 +32,10 @@ if TYPE_CHECKING:
         who: str | None
 
 
-ANSWER_TIMEOUT_S: Final = 1.0
-"""Seconds within which all robots must answer."""
 OUTCOMES: Final = {"stop": "stopped", "estop": "emergency stop, held until: urbihw release", "release": "released"}
 """The text for a robot that has obeyed, by command."""
-_MAX_NAME_LENGTH: Final = 100
-_MAX_ANSWER_BYTES: Final = 1 << 22
-"""The health of 300 devices has less than a tenth of it."""
+_READ_S: Final = 0.001
+"""Seconds to read an answer that has come."""
 _RIGHTS: Final = "use sudo, or join the group that it belongs to"
 
 
@@ -162,18 +158,12 @@ def requester_name(verb: str) -> str:
 def ask(paths: Sequence[Path], verb: str, who: str) -> list[Answer]:
     """Send the command to all robots, then wait for the answers: a robot that hangs does not delay the others."""
     end = time.monotonic() + ANSWER_TIMEOUT_S
-    line = f'{{"do": "{verb}", "who": "{_quotable(who)}"}}\n'.encode()
+    line = question(verb, who)
     calls = [_Query(path, line) for path in paths]
     answers = [call.answer(end) for call in calls]
     if verb == "estop":
         answers = [_latch_replacement(path, answer, who) for path, answer in zip(paths, answers, strict=True)]
     return answers
-
-
-def _quotable(text: str) -> str:
-    """A text that may stand in quotes in JSON: its first characters, on one line."""
-    line = "".join(each if each.isprintable() else " " for each in text[:_MAX_NAME_LENGTH])
-    return line.replace("\\", "\\\\").replace('"', '\\"')
 
 
 def _latch_replacement(path: Path, answer: Answer, who: str) -> Answer:
@@ -189,80 +179,30 @@ class _Query:
 
     def __init__(self, path: Path, line: bytes) -> None:
         self._path = os.fspath(path)
+        self._line: ControlLine | None = None
         self._error: OSError | None = None
         try:
-            try:
-                self._call(self._path, line)
-            except (FileNotFoundError, ConnectionRefusedError) as error:
-                # The file may have been deleted under a worker that lives.
-                self._call_abstract(line, error)
+            self._line = ControlLine(path)
+            self._line.send(line)
         except OSError as error:
             self._error = error
-
-    def _call(self, address: str | bytes, line: bytes) -> None:
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self._socket.settimeout(ANSWER_TIMEOUT_S)
-        self._connect(address)
-        if isinstance(address, bytes):
-            self._check_owner()
-        self._socket.sendall(line)
-
-    def _call_abstract(self, line: bytes, missing: OSError) -> None:
-        self._socket.close()
-        try:
-            self._call(abstract_address(self._path), line)
-        except OSError:
-            raise missing from None
-
-    def _check_owner(self) -> None:
-        """Raise PermissionError for a listener of a user who has no control sockets here: anybody can take the name."""
-        folder = os.path.dirname(os.path.abspath(self._path))
-        if user_at(self._socket) not in (0, os.getuid(), os.stat(folder).st_uid):
-            raise PermissionError
-
-    def _connect(self, address: str | bytes) -> None:
-        end = time.monotonic() + ANSWER_TIMEOUT_S
-        while True:
-            try:
-                return self._socket.connect(address)
-            except BlockingIOError:  # The queue of the UNIX socket is full, and there is no event for its end.
-                if time.monotonic() > end:
-                    raise
-                time.sleep(0.01)
 
     def answer(self, end: float) -> Answer:
         """Wait for the answer until the time ``end``."""
         name = _name_of(self._path)
-        with self._socket:
-            try:
-                if self._error is not None:
-                    raise self._error
-                line = self._line(end)
-                import json  # not before: the stop is on its way, and this takes longer
-
-                state = json.loads(line)
-            except (OSError, ValueError, RecursionError) as error:
-                return self._failed(error)
+        try:
+            if self._error is not None or self._line is None:
+                raise self._error or OSError
+            # Answers that came while another robot was waited for are still read.
+            state = self._line.next_told(max(end, time.monotonic() + _READ_S))
+        except (OSError, ValueError, RecursionError) as error:
+            return self._failed(error)
+        finally:
+            if self._line is not None:
+                self._line.close()
         if isinstance(state, dict) and state.get("ok"):
             return Answer(name, state)
         return Answer(name, {}, f"it did not understand: {state}")
-
-    def _line(self, end: float) -> bytes:
-        heard: list[bytes] = []
-        size = 0
-        while not heard or b"\n" not in heard[-1]:
-            left = end - time.monotonic()
-            if left <= 0 and heard:
-                raise TimeoutError
-            self._socket.settimeout(max(left, 0.001))
-            data = self._socket.recv(1 << 16)
-            if not data:
-                raise ConnectionResetError
-            heard.append(data)
-            size += len(data)
-            if size > _MAX_ANSWER_BYTES:
-                raise ValueError(f"its answer has more than {_MAX_ANSWER_BYTES} bytes")
-        return b"".join(heard).partition(b"\n")[0]
 
     def _failed(self, error: OSError | ValueError | RecursionError) -> Answer:
         name, path = _name_of(self._path), self._path
@@ -282,17 +222,13 @@ class _Query:
 
 
 def _listens(path: Path) -> bool:
-    for address in (os.fspath(path), abstract_address(path)):
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
-            probe.settimeout(ANSWER_TIMEOUT_S)
-            try:
-                probe.connect(address)
-            except (FileNotFoundError, ConnectionRefusedError):
-                continue
-            except OSError:
-                return True
+    try:
+        dial_control(path).close()
+    except (FileNotFoundError, ConnectionRefusedError):
+        return False
+    except OSError:
         return True
-    return False
+    return True
 
 
 def _name_of(path: str) -> str:

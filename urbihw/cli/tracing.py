@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
-import socket
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -14,11 +12,10 @@ from typing import Any, Final
 from urbihw.buses.link import Url
 from urbihw.buses.trace import Chunk
 from urbihw.cli.options import CliRefused
+from urbihw.control_line import ANSWER_TIMEOUT_S, ControlLine, question
 from urbihw.daemon.runtime import control_sockets
 from urbihw.exitcodes import EX_CONFIG, EX_UNAVAILABLE
 
-TIMEOUT_S: Final = 2.0
-"""Seconds within which a worker answers."""
 _MOST_BYTES: Final = 16 << 20
 """Bytes of one line at most."""
 
@@ -34,17 +31,14 @@ class WorkerTraffic:
     def __init__(self, path: Path) -> None:
         """Ask for the traffic.  Raises OSError, and ValueError for an answer without sense."""
         self.path = path
-        self._buffer = b""
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._line = ControlLine(path, _MOST_BYTES)
         try:
-            self._socket.settimeout(TIMEOUT_S)
-            self._socket.connect(str(path))
-            self._socket.sendall(b'{"do": "trace", "who": "urbihw trace"}\n')
-            answer = self._next_line(time.monotonic() + TIMEOUT_S)
+            self._line.send(question("trace", "urbihw trace"))
+            answer = self._next_told(time.monotonic() + ANSWER_TIMEOUT_S)
             if not isinstance(answer, dict) or not answer.get("ok"):
                 raise ValueError(f"{path}: this daemon shows no traffic; is it of the same version?")
         except BaseException:
-            self._socket.close()
+            self._line.close()
             raise
         self.about: Mapping[str, Any] = answer
 
@@ -77,7 +71,7 @@ class WorkerTraffic:
         """
         while True:
             try:
-                event = self._next_line(until)
+                event = self._next_told(until)
                 items = _items(event)
             except OSError as error:
                 raise CliRefused(f"{self.path}: the daemon has ended the connection", EX_UNAVAILABLE) from error
@@ -92,7 +86,7 @@ class WorkerTraffic:
 
     def close(self) -> None:
         """Close the connection to the worker."""
-        self._socket.close()
+        self._line.close()
 
     def __enter__(self) -> WorkerTraffic:
         return self
@@ -100,25 +94,12 @@ class WorkerTraffic:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _next_line(self, until: float) -> Any:
-        """The next line as JSON; None at the time, or at the end of the connection.  Raises OSError, ValueError."""
-        while b"\n" not in self._buffer:
-            if len(self._buffer) > _MOST_BYTES:
-                raise ValueError(_no_sense(self.path))
-            left = until - time.monotonic()
-            if left <= 0:
-                return None
-            self._socket.settimeout(min(left, 3600.0))
-            try:
-                data = self._socket.recv(1 << 16)
-            except TimeoutError:
-                return None
-            if not data:
-                return None
-            self._buffer += data
-        line, _, self._buffer = self._buffer.partition(b"\n")
+    def _next_told(self, until: float) -> Any:
+        """What the next line tells; None at the time, or at the end of the connection.  Raises OSError, ValueError."""
         try:
-            return json.loads(line)
+            return self._line.next_told(until)
+        except (TimeoutError, ConnectionResetError):
+            return None
         except (ValueError, RecursionError):
             raise ValueError(_no_sense(self.path)) from None
 

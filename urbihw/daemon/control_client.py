@@ -1,6 +1,6 @@
 """The control socket of the bus worker, for asyncio: stop, emergency stop, release, health and values of devices.
 
-It needs no interpreter (docs/safety.md).  The commands of a shell ask by ``urbihw.cli.control``, without asyncio.
+It needs no interpreter (docs/safety.md).  The commands of a shell use ``urbihw.control_line`` without asyncio.
 """
 
 from __future__ import annotations
@@ -8,18 +8,16 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any, Final
 
 from urbihw.backoff import BackOff
 from urbihw.client.latch import write_latch
+from urbihw.control_line import ANSWER_TIMEOUT_S, CONNECT_PAUSE_S, MAX_LINE_BYTES, dial_control, question
 
-ANSWER_TIMEOUT_S: Final = 1.0
 REPLACED_S: Final = 0.3
 """Seconds in which a worker that has ended is replaced."""
-MAX_ANSWER_BYTES: Final = 4 * 1024 * 1024
-MAX_NAME_LENGTH: Final = 100
 _FIRST_PAUSE_S: Final = 0.25
 _MAX_PAUSE_S: Final = 2.0
 
@@ -38,8 +36,7 @@ class ControlledWorker:
         """The answer to a verb, by a connection of its own: nothing else delays it.  Raises NoWorker."""
         if self.path is None:
             raise NoWorker("the bus worker is on another machine: it is not reached from here")
-        question = {"do": verb, "who": who[:MAX_NAME_LENGTH]} if who else {"do": verb}
-        line = json.dumps(question).encode() + b"\n"
+        line = question(verb, who)
         try:
             try:
                 told = await self._ask(line)
@@ -56,14 +53,26 @@ class ControlledWorker:
         return told
 
     async def _ask(self, line: bytes) -> Any:
-        assert self.path is not None
         async with asyncio.timeout(ANSWER_TIMEOUT_S):
-            reader, writer = await asyncio.open_unix_connection(str(self.path), limit=MAX_ANSWER_BYTES)
-            try:
-                writer.write(line)
+            async with self._lines(line) as reader:
                 return json.loads(await reader.readline())
-            finally:
-                writer.transport.abort()
+
+    @contextlib.asynccontextmanager
+    async def _lines(self, line: bytes) -> AsyncIterator[asyncio.StreamReader]:
+        """Connect, and send a line; yields what the worker answers.  Raises OSError."""
+        assert self.path is not None
+        while True:
+            try:
+                made = dial_control(self.path, 0)
+                break
+            except BlockingIOError:
+                await asyncio.sleep(CONNECT_PAUSE_S)
+        reader, writer = await asyncio.open_unix_connection(sock=made, limit=MAX_LINE_BYTES)
+        try:
+            writer.write(line)
+            yield reader
+        finally:
+            writer.transport.abort()
 
     def _explain(self, verb: str, who: str, error: Exception) -> str:
         if isinstance(error, FileNotFoundError | ConnectionRefusedError):
@@ -83,14 +92,10 @@ class ControlledWorker:
         pauses = BackOff(_FIRST_PAUSE_S, _MAX_PAUSE_S)
         while self.path is not None:
             with contextlib.suppress(OSError, ValueError):
-                reader, writer = await asyncio.open_unix_connection(str(self.path), limit=MAX_ANSWER_BYTES)
-                try:
-                    writer.write(json.dumps({"do": "values", "hz": hz}).encode() + b"\n")
+                async with self._lines(json.dumps({"do": "values", "hz": hz}).encode() + b"\n") as reader:
                     while line := await reader.readline():
                         told = json.loads(line)
                         if isinstance(told, dict) and told.get("event") == "Values":
                             pauses.reset()
                             heard(told)
-                finally:
-                    writer.transport.abort()
             await asyncio.sleep(pauses.next_pause())
