@@ -35,7 +35,7 @@ ONE_OF = {
 """Tests with real processes whose cases differ little and take seconds each: `make test` plays one case of so many,
 `make long` plays the others."""
 MOST_DESCRIPTORS = 400
-"""Of a process that runs tests; `select` takes numbers up to 1023."""
+"""Descriptors of a process that runs tests; `select` takes numbers up to 1023."""
 if find_library("EGL"):
     # mujoco chooses how it renders when it is imported, by whatever test comes first.
     os.environ.setdefault("MUJOCO_GL", "egl")

@@ -72,7 +72,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.settings": (),
     # Files that a user names.
     "urbihw.files": (),
-    # Pauses between tries, counting of what repeats, exit codes of the commands: for whoever needs them.
+    # Pauses between tries, counting of what repeats, exit codes of the commands: for all that need them.
     "urbihw.backoff": (),
     "urbihw.repeats": (),
     "urbihw.exitcodes": (),
@@ -203,7 +203,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.buses.verdict",
         "urbihw.web",
     ),
-    # A client of the server and of the bus worker: never of the kernel or a platform.  Of the daemon it uses the state
+    # A client of the server and of the bus worker: never of the kernel or a platform.  It uses the daemon's state
     # folder.
     "urbihw.web": (
         "urbihw.client", "urbihw.client.lines", "urbihw.client.values", "urbihw.buses.verdict", "urbihw.daemon",

@@ -14,7 +14,7 @@ from urbihw.daemon.units import PACKAGED_COMMAND, SHARE, drop_in, shared_files
 
 PLATFORMS = [folder.name for folder in platforms.folders()]
 MAX_EXPOSURE = 20
-"""Of ``systemd-analyze security``, in tenths."""
+"""Exposure by ``systemd-analyze security``, in tenths."""
 
 ANALYZE = shutil.which("systemd-analyze")
 needs_systemd = pytest.mark.skipif(ANALYZE is None, reason="systemd-analyze is not installed")

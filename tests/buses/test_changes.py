@@ -271,7 +271,7 @@ def test_a_speed_that_the_replacement_does_not_have_changes_nothing() -> None:
 
 
 def test_a_backup_cannot_make_its_servo_silent() -> None:
-    """At status return level 0 it would answer pings only; all else is restored, and that one is told."""
+    """At status return level 0 it would answer pings only; all else is restored, and that one is reported."""
     new = ax(1)
     rig = LineRig([new])
     device = changes.find_one(rig.line.link)

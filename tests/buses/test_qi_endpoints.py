@@ -19,7 +19,7 @@ from urbihw_fakes.nao.services import Service, Signal, method
 
 ROBOT = "192.168.1.30"
 REFUSED_PORT = 7
-"""Where nobody listens."""
+"""An address without a listener."""
 
 
 class Elsewhere(Service):

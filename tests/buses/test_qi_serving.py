@@ -244,7 +244,7 @@ def test_the_worst_arguments_cost_little(bench: Bench) -> None:
     bomb = encode("s", "[(" + "v" * 1000 + ")]") + encode("I", 60000) + bytes(LARGEST - 2000)
     ((kind, _, text),) = told(bench.guest(), call(5, ADD, bomb))
     assert kind == f.ERROR and "more than 2048 elements" in text
-    # Nobody may send one with the login either.
+    # A client must not send one with the login either.
     words = encode("I", 1) + encode("s", "k") + bomb[:3000]
     ((_, _, answer),) = told(bench.visitor(Login("nao", "secret")), f.QiMessage(f.CALL, 1, 0, 0, 8, words))
     assert answer["__qi_auth_state"] == 1
@@ -310,7 +310,7 @@ def log_in(bench: Bench, token: str, address: str = "192.0.2.1") -> str:
 
 def test_guesses_are_bounded(bench: Bench) -> None:
     assert [log_in(bench, "guess") for _ in range(WRONG_LOGINS)] == ["user or password is wrong"] * WRONG_LOGINS
-    # Not even the right one is looked at now; whoever comes from elsewhere enters.
+    # Not even the right one is looked at now; a client from elsewhere enters.
     assert log_in(bench, "secret") == "too many wrong logins from 192.0.2.1: wait 2 s"
     assert log_in(bench, "secret", "192.0.2.2") == ""
     bench.now += 2.0

@@ -15,7 +15,7 @@ from urbihw.buses.servos import packet
 
 
 class RecordingPort:
-    """What the SDK's packet handlers need of a port, kept in memory; nobody answers."""
+    """What the SDK's packet handlers need of a port, kept in memory; there is no answer."""
 
     is_using = False
     tx_time_per_byte = 0.01

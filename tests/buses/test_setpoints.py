@@ -183,7 +183,7 @@ def test_a_course_that_is_no_longer_live_ends(rig: Rig) -> None:
     swing(rig, 1.0)
     rig.places[KEY] = 300.0
     rig.points.resume_courses(6, rig.now)
-    # Nobody asks any more: it is led on as long as the movement may still go on, then it stays where it is.
+    # There are no more requests: it is led on as long as the movement may still go on, then it stays where it is.
     given = rig.steps(2.0)
     assert 1 <= len(given) <= round(LIVE_TIMEOUT_S / TICK) + 1
     assert given[-1] < 512

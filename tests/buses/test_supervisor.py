@@ -19,7 +19,7 @@ URL = "pipe://robot"
 
 
 class FakeSpare:
-    """A spare worker that is none."""
+    """A worker that stands for a spare one."""
 
     made: ClassVar[list[FakeSpare]] = []
 
@@ -45,7 +45,7 @@ class FakeWorker:
         self.begin = begin
         self.told: list[ToWorker] = []
         self.alive = True
-        """As of a real one: until what is told of its end has been heard."""
+        """Runs, as a real one, until its end was reported."""
         self.over = False
         self.silent = False
         self.killed = False
@@ -94,7 +94,7 @@ class FakeWorker:
 
 
 class Pauses:
-    """In the place of the event that ends a supervisor: nobody waits, and each wait is noted."""
+    """Stands for the event that ends a supervisor: it does not wait, and notes each wait."""
 
     def __init__(self) -> None:
         self.waited: list[float] = []

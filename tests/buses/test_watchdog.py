@@ -1,4 +1,4 @@
-"""The bus watchdog of the X series: a servo that turns stops when nobody speaks any more, judged by the fake's body."""
+"""The bus watchdog of the X series: a servo that turns stops when the bus is silent, judged by the fake's body."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def turns(rig: Rig) -> bool:
 
 
 def silence(rig: Rig, seconds: float) -> None:
-    """Nobody says anything on the bus."""
+    """The bus is silent for some time."""
     rig.clock.sleep_until(rig.clock.now() + seconds)
 
 
@@ -138,7 +138,7 @@ def test_a_servo_that_is_not_read_is_kept_awake_by_few_looks(bench: Bench) -> No
     bench.rig.sent()
     heard = bench.run(3.0)
     assert turns(bench.rig)
-    # Nobody wants to know anything, so the looks are all there is, and nobody hears of them.
+    # There are no watches, so the looks are all there is, and their values go nowhere.
     assert len(bench.rig.sent()) == pytest.approx(3.0 / WATCHDOG_CHECK_PERIOD_S, abs=1)
     assert of(m.Samples, heard) == []
 

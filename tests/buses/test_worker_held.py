@@ -182,7 +182,7 @@ def test_when_both_were_held_the_robot_stops_whichever_wakes_first(rig: Rig, fir
     for count in range(20):
         bench.tell(m.Heartbeat(), m.Targets({GOAL: 500 + 20 * (count % 2)}))
         bench.run(0.1)
-    # Neither gets any time; the master is the first to write, with the movement of before.
+    # Neither gets any time; the master is the first to write, with the earlier movement.
     rig.clock.sleep_until(rig.clock.now() + 4.0)
     if first == "worker":
         bench.run(0.1)

@@ -164,7 +164,7 @@ def test_an_answer_that_makes_no_sense_is_no_stop(add: Add, capsys: Capture) -> 
     assert "bioloid-54000: it did not understand" in capsys.readouterr().err
 
 
-# ---------------------------------------------------------------- nobody
+# ---------------------------------------------------------------- no worker
 
 
 @pytest.mark.parametrize("verb", ["stop", "estop", "release"])

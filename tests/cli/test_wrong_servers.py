@@ -1,4 +1,4 @@
-"""What the programs say that reach nobody, or another program than a server: one line, by which one can go on."""
+"""What the programs say that reach no server, or another program than a server: one line, by which one can go on."""
 
 from __future__ import annotations
 

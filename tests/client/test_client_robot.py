@@ -1,4 +1,4 @@
-"""The client library against a server, over real sockets: what a program reads, writes, runs, watches and is told."""
+"""The client library against a server, over real sockets: what a program reads, writes, runs, watches and hears."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who has a device open: an urbihw daemon is told apart from any other program."""
+"""Who has a device open: an urbihw daemon differs from any other program."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""``/metrics``: the text, and the server with whoever should not be served.  The worker is a socket of the test."""
+"""``/metrics``: the text, and the server with clients that should not be served.  The worker is a socket of the
+test."""
 
 from __future__ import annotations
 

@@ -89,7 +89,7 @@ def test_it_is_fed_twice_in_the_time_that_the_manager_gives() -> None:
 
 
 class Deaf:
-    """A worker that is told things."""
+    """A worker that keeps its messages."""
 
     def __init__(self, post: Callable[[m.FromWorker], None]) -> None:
         self.post = post

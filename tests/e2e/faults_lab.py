@@ -271,7 +271,7 @@ class Case:
             self.client.forget_heard()
 
     def signal_worker(self, number: signal.Signals) -> None:
-        """To whoever owns the wire."""
+        """Send something to the owner of the wire."""
         os.kill(self.daemon.workers[0], number)
 
     def go(self, rough: bool) -> None:

@@ -48,7 +48,7 @@ class Terminal:
             module(name, *arguments), stdin=side, stdout=side, stderr=side, cwd=cwd, start_new_session=True,
             env={**os.environ, "TERM": "xterm-256color", **environment},
         )
-        # Kept open: a terminal that nobody holds any more has no settings.
+        # Kept open: a terminal without a holder has no settings.
         self._side = side
         self.at_first = first
         self.heard = ""

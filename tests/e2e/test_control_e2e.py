@@ -67,7 +67,7 @@ class Site:
         return self.robot.call(lambda: self.kit.servo(number).registers.get(name))
 
     def place(self) -> float:
-        """Where the body of servo 6 is; it moves also while nobody asks it anything."""
+        """Where the body of servo 6 is; it moves also without a request."""
 
         def look() -> float:
             self.kit.tick(time.monotonic())

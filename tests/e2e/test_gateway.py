@@ -361,7 +361,7 @@ def test_a_browser_goes_on_when_the_daemon_was_killed(tmp_path: Path) -> None:
 
 
 def free_port() -> int:
-    """A port that nobody uses."""
+    """A port that is not in use."""
     with socket.create_server(("127.0.0.1", 0)) as listener:
         number: int = listener.getsockname()[1]
         return number

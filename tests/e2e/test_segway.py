@@ -157,7 +157,7 @@ def test_the_fake_of_the_platform(serve: Callable[..., Daemon]) -> None:
     client = daemon.client()
     assert client.ask("rmp.mode;") == '"balance"'
     began = time.monotonic()
-    # A worker that is held up stops the base, and the client is told so.
+    # A worker that is held up stops the base, and the client hears of it.
     until(lambda: client.ask("robot.go(0.5) | rmp.forward > 0.4;") == "true")
     assert time.monotonic() - began > 1
     assert os.path.exists(client.ask("segway.url;").strip('"').removeprefix("can://slcan").partition("?")[0])

@@ -48,7 +48,7 @@ def test_clients_wait_while_the_daemon_starts_anew_and_a_reload_is_reported(tmp_
         manager.settimeout(TIMEOUT_S)
         config.write_text(f'platform = "p3dx"\nfake = true\nport = {port.getsockname()[1]}\n')
         for _ in range(2):
-            with socket.create_connection(port.getsockname(), TIMEOUT_S) as client:  # nobody accepts it yet
+            with socket.create_connection(port.getsockname(), TIMEOUT_S) as client:  # it is not accepted yet
                 client.sendall(b"echo(6 * 7); quit;")
                 with daemon(config, port, told) as running:
                     assert b"*** 42" in b"".join(iter(lambda: client.recv(4096), b""))

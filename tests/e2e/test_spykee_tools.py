@@ -88,7 +88,7 @@ def wave_of(rate: int, channels: int, bits: int) -> bytes:
 
 
 def frequency(samples: array.array[int]) -> float:
-    """Of a tone, in Hz."""
+    """Frequency of a tone, in Hz."""
     rising = [k for k in range(1, len(samples)) if samples[k - 1] < 0 <= samples[k]]
     return (len(rising) - 1) * RATE / (rising[-1] - rising[0])
 

@@ -1,4 +1,4 @@
-"""The daemon's ways in: its UNIX socket, and a port that nobody can connect to before there is somebody to answer."""
+"""The daemon's ways in: its UNIX socket, and a port that takes connections only when there is somebody to answer."""
 
 from __future__ import annotations
 

@@ -123,7 +123,7 @@ def test_a_hard_push_makes_it_fall_with_slack_motors_and_a_light_one_does_not() 
     assert robot.body.posture_name == "LyingBelly" and robot.stored("robotHasFallen") == 1
     assert not any(robot.nao.motion.get_stiffnesses("Body"))
     robot.word("stand")
-    # Somebody has put it on its feet, but nobody has made its legs stiff.
+    # Somebody has put it on its feet, but its legs are not stiff yet.
     assert robot.run(3).body.fallen
 
 

@@ -78,7 +78,7 @@ def test_what_can_be_typed_at_a_drive() -> None:
 
 
 def hear(bus: can.BusABC) -> can.Message | None:
-    """The next frame; a datagram that is none counts as none."""
+    """The next frame; another datagram counts as none."""
     try:
         return bus.recv(5.0)
     except can.CanError:

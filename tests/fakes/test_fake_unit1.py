@@ -85,7 +85,7 @@ def test_unknown_instruction(wire: Talk) -> None:
 
 def test_wrong_checksum(wire: Talk) -> None:
     assert wire.raw("FF FF 01 02 01 FF") == ["FF FF 01 02 10 EC"]
-    # Nobody answers what was for all.
+    # A broadcast is not answered.
     assert wire.raw("FF FF FE 04 03 18 00 00") == []
 
 

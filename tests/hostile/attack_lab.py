@@ -181,7 +181,7 @@ def _answer(line: socket.socket, come: bytearray, wanted: str) -> str:
 
 
 def _whole(port: int, checks: tuple[tuple[str, str], ...] = CHECKS) -> tuple[str, str]:
-    """Whether a new connection has all that it should, and what it is told before it asks."""
+    """Whether a new connection has all that it should, and what it gets before it asks."""
     try:
         line = socket.create_connection(("127.0.0.1", port), ANSWERS)
     except OSError as error:

@@ -4,8 +4,8 @@ A row says bytes, which each of its connections sends at once, or is a function 
 ``attack_lab`` plays a row against a real server, ``test_attacks`` those marked ``ci``, and ``python -m bench.hostile``
 all of them, with figures.
 
-In bytes, ``@FOLDER@`` is a folder of the row and ``@PORT@`` the port of the server.  Whoever makes a file ``pwned``
-there has run what must not run.
+In bytes, ``@FOLDER@`` is a folder of the row and ``@PORT@`` the port of the server.  A program that makes a file
+``pwned`` there has run what must not run.
 
 This file is also the program of the attacker: ``python attacks.py NAME PORT FOLDER``.  It attacks until it is killed.
 """
@@ -28,7 +28,7 @@ from pathlib import Path
 CONNECT = 5.0
 """Seconds for which a connection is waited for."""
 HEARD = 400
-"""So many bytes of what an attacker reads are told."""
+"""Bytes of what an attacker reads that are shown."""
 TURN = 0.05
 """Seconds of one look at the sockets."""
 
@@ -42,7 +42,7 @@ class Attack:
         says: what each connection sends, or what the attacker does.
         connections: how many, for bytes.
         holds: how often it may hold the interpreter on purpose, until the limit of the server ends that.
-        reads: whether the attacker reads what it is told, for bytes.
+        reads: whether the attacker reads its answers, for bytes.
         seconds: for which the neighbour is looked at.
         spoils: errors count as answers to the neighbour: what is attacked is shared by all, and an error tells so.
         leaves: the attacker is gone before a new connection is tried; it has taken all there are.
@@ -92,7 +92,7 @@ class Field:
         return says.replace(b"@FOLDER@", str(self.folder).encode()).replace(b"@PORT@", str(self.port).encode())
 
     def tell(self, data: bytes) -> None:
-        """Show whoever runs the attack what was read, the beginning of it."""
+        """Show the beginning of what was read."""
         shown = data[: HEARD - self._heard]
         self._heard += len(shown)
         if shown:

@@ -149,7 +149,7 @@ class Trial:
         return found
 
     def _heard(self, lobby: Lobby, text: str, quiet: bool = False) -> str:
-        """What a lobby is told when something is said to it; nothing if there is no answer."""
+        """The answer of a lobby to a text; nothing if there is no answer."""
         self._kernel.feed(lobby, text.encode("latin-1", "replace"))
         heard = ""
         for _ in range(TURNS if quiet else TURNS_OF_OTHERS):

@@ -1,4 +1,4 @@
-"""An error in whatever the kernel calls back is told once; all others go on, and nothing stays behind."""
+"""An error in whatever the kernel calls back is reported once; all others go on, and nothing stays behind."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Nobody polls: while conditions wait for variables, slots and events, the kernel sleeps until one of them changes."""
+"""The kernel does not poll: while conditions wait for variables, slots and events, the kernel sleeps until one of
+them changes."""
 
 from __future__ import annotations
 

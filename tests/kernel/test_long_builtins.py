@@ -1,4 +1,4 @@
-"""Built-in functions that are given much: others are answered meanwhile, and nobody sees a thing half done."""
+"""Built-in functions that are given much: others are answered meanwhile, and no job sees a thing half done."""
 
 from __future__ import annotations
 
@@ -188,7 +188,7 @@ def test_what_is_usual_is_done_in_one_go(kernel: Kernel, monkeypatch: pytest.Mon
     assert said == ["[] 0"]
 
 
-# ---------------------------------------------------------------- nobody sees a thing half done
+# ---------------------------------------------------------------- no job sees a thing half done
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""Long texts: whoever else is there is answered while they are read and compiled, and what is too long is refused."""
+"""Long texts: all other clients are answered while they are read and compiled, and what is too long is refused."""
 
 from __future__ import annotations
 

@@ -99,7 +99,7 @@ def test_deep_chains(world: World) -> None:
 
 
 def test_the_cost_does_not_grow_with_depth(world: World) -> None:
-    """Once somebody has asked, whoever derives from anywhere in the chain asks few others."""
+    """After one lookup, an object that derives from anywhere in the chain asks few others."""
     root = world.object.clone()
     world.ops.put_slot(root, "foo", 1.0)
     objects = [root]

@@ -1,4 +1,4 @@
-"""What waits for a client to read it is bounded: its own jobs wait, nobody else does."""
+"""What waits for a client to read it is bounded: its own jobs wait, no others do."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def test_the_content_of_a_binary_is_no_part_of_an_error() -> None:
 
 def test_a_class_that_the_module_does_not_have_is_named_when_the_built_in_is_made() -> None:
     def lost(world: World, this: Any, thing: Nowhere) -> None:  # type: ignore[name-defined]  # noqa: F821
-        """Takes what nobody knows."""
+        """Takes an argument of an unknown type."""
 
     with pytest.raises(NameError, match="no class Nowhere for thing"):
         annotated_type(lost, "thing")

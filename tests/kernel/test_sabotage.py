@@ -46,12 +46,12 @@ class Stage:
         self.ended += 1
 
     def say(self, lobby: Lobby, text: str) -> list[str]:
-        """What a lobby is told, without time stamps, within ten seconds."""
+        """The output of a lobby within ten seconds, without time stamps."""
         said = self.kernel.run_text(lobby, text, self.kernel.clock.now() + 10)
         return [STAMP.sub("[", line) for line in said.splitlines()]
 
     def newcomer(self) -> tuple[list[str], list[str]]:
-        """What a new connection is told, and what it is answered."""
+        """The greeting of a new connection, and its answers."""
         lobby = self.kernel.open_lobby("127.0.0.1")
         told = [STAMP.sub("[", line) for line in lobby.output.take_bytes().decode("latin-1").splitlines()]
         answers = self.say(lobby, WHOLE)
@@ -246,7 +246,7 @@ def test_a_notification_that_is_held_up_does_not_hold_up_the_next(fresh: Stage) 
     assert heard == [1, 2]
 
 
-# ---------------------------------------------------------------- what is owed, what is told, and the way back
+# ---------------------------------------------------------------- what is owed, the messages, and the way back
 
 REFUSED = (
     'Global.removeSlot("System");', "Object.protos = [];", "Global.protos = [];", "Lobby.protos = [];",
@@ -365,7 +365,7 @@ VALUES = '1 + 1; "a" + "b"; [1, "x"]; 1 < 2; ["k" => 3s]; (1, nil); Object.new; 
 
 
 def shown(stage: Stage, lobby: Lobby, text: str = VALUES) -> list[str]:
-    """The values that a lobby is shown, without what else it is told."""
+    """The values that a lobby shows, without its other output."""
     said = stage.say(lobby, text)
     return [re.sub("_0x[0-9a-f]+", "_0x", line[3:]) for line in said if not line.startswith(("[:error]", "[] ***"))]
 

@@ -65,4 +65,4 @@ def test_a_shell_that_fails_to_end_does_not_keep_the_jobs_of_its_connection(
     monkeypatch.setattr(lobby.shell, "close", fail)
     lobby.close()
     kernel.scheduler.run_simulated(5)
-    assert kernel.scheduler.jobs_of(lobby) <= 1  # its main job, which nobody ended
+    assert kernel.scheduler.jobs_of(lobby) <= 1  # its main job, which has not ended

@@ -33,7 +33,7 @@ GROWING = {
 
 
 def said(text: str, seconds: float = 0.0) -> str:
-    """What a new connection is told; in real time if there are seconds to wait for it."""
+    """The output of a new connection; in real time if there are seconds to wait for it."""
     kernel = Kernel(fast=not seconds)
     lobby = kernel.open_lobby("127.0.0.1")
     if not seconds:

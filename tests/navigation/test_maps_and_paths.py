@@ -106,7 +106,7 @@ def test_a_map_of_map_server(tmp_path: Path) -> None:
     assert found.bounds == (-1.0, -0.5, 1.0, 1.0)
     assert found.home == (0.25, 0.25, 1.0)
     assert found.fine == 0.5
-    # The first row of a picture is the top; grey is unknown, and nobody is sent there.
+    # The first row of a picture is the top; grey is unknown, and no path leads there.
     assert set(found.boxes) == {(-1.0, 0.5, -0.5, 1.0), (0.0, 0.0, 0.5, 0.5), (0.5, -0.5, 1.0, 0.0)}
 
 

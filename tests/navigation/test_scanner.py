@@ -57,7 +57,7 @@ class Rig:
         return self.say("")
 
     def scan(self, *ranges: float) -> m.Samples:
-        """A scan of now."""
+        """A scan at the present time."""
         now = self.kernel.scheduler.clock.now()
         return m.Samples(now, {"laser": {"ranges": ranges, "farthest": 8.182, "dirty": False}}, {"laser": now})
 

@@ -59,7 +59,7 @@ class DriverRig:
             self.end.send(answer.data, answer.at)
 
     def _live(self, now: float) -> None:
-        """Let the robot live to this time; nobody hears what it says without a cable."""
+        """Let the robot live to this time; without a cable its messages are lost."""
         for answer in self.device.tick(now):
             if self.end.plugged:
                 self.end.send(answer.data, answer.at)

@@ -34,7 +34,7 @@ from urbihw_fakes.console import Command, Console
 from urbihw_fakes.device import Answer, Device
 
 MOST_UNREAD = 100
-"""Messages that a pipe takes while nobody reads."""
+"""Messages that a pipe takes without a reader."""
 START = 100.0
 """The bus begins at another time than the kernel, as in life."""
 

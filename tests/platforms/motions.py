@@ -169,7 +169,7 @@ class Remote:
 
 
 class DeadWorker(HandWorker):
-    """A worker that was killed: time passes, and what it is told is lost."""
+    """A worker that was killed: time passes, and its messages are lost."""
 
     def __init__(self, lab: RobotLab) -> None:
         self.pipe, self._theirs = Pipe()

@@ -30,7 +30,7 @@ class Rig(DriverRig):
 
     @property
     def body(self) -> Body:
-        """Of the robot."""
+        """The body of the robot."""
         return self.robot.body
 
     def receive(self, data: bytes, at: float) -> None:

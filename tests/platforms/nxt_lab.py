@@ -35,7 +35,7 @@ class Lab(RobotLab):
         return Context(self.bus_clock, {"robot": self.end})
 
     def step(self) -> None:
-        """See ``RobotLab``; the robot lives also while nobody asks it."""
+        """See ``RobotLab``; the robot lives also without a request."""
         super().step()
         self.device.tick(self.bus_clock.now())
 

@@ -78,11 +78,11 @@ class Plant:
         recipes: of its programs.
         zeros: what lets a device stand, by device.
         setup: what is said once.
-        settle: seconds after which nothing moves that nobody asks for.
+        settle: seconds after which nothing moves without a request.
         more: what may come on top of a speed: of all parts, rad/s and m/s.
         units: devices => numbers for power and silence at the fake; None for all of it.
         garbage: what may befall the wire: faults of the fake, or bytes from nowhere ("raw").
-        drift: how far a part may move while nobody asks, m and rad.
+        drift: how far a part may move without a request, m and rad.
     """
 
     make: Callable[[], Any]

@@ -177,7 +177,7 @@ class Trial(Scene):
         self.down: dict[Any, bool] = dict.fromkeys(self.plant.devices, False)
         self.missed, self.linked = False, True
         self.sick = 0
-        self.dark: set[Any] = set()  # devices without power: they coast, and nobody can brake them
+        self.dark: set[Any] = set()  # devices without power: they coast, and cannot be braked
         self.faulty: dict[str, float] = {}
         self.clear_at: dict[Any, float] = dict.fromkeys(self.plant.devices, 0.0)
         self.parts = [part for parts in self.plant.devices.values() for part in parts]

@@ -27,7 +27,7 @@ class RigPort(CanPort):
     Attributes:
         sent: (time, frame) of all that the driver sent.
         dead: everything raises LinkGone.
-        full: nobody acknowledges.
+        full: nothing is acknowledged.
         deaf: what the base says is lost.
         lost: which of its frames are lost.
         others: frames that others put on the bus, to be read next.

@@ -14,7 +14,7 @@ from urbihw_fakes.spykee.console import commands
 from urbihw_fakes.spykee.device import Spykee
 
 NOWHERE = "/nonexistent/calibration.json"
-"""No calibration of whoever runs the tests."""
+"""No calibration of the user who runs the tests."""
 
 
 class Lab(SpeakingLab):

@@ -222,7 +222,7 @@ def test_a_servo_that_loses_answers_while_it_comes_back_comes_back_whole(monkeyp
 
     def lossy(data: bytes, now: float) -> list[Answer]:
         answers = feed(data, now)
-        # READ of unit 6: the first nine are lost, whoever asks.
+        # READ of unit 6: the first nine are lost, for each sender.
         if data[2:3] == b"\x06" and data[4:5] == b"\x02" and deaf[0] < 9:
             deaf[0] += 1
             return []

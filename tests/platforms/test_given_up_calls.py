@@ -1,4 +1,4 @@
-"""Calls of the client library that are given up: the body stands as soon as the server is told."""
+"""Calls of the client library that are given up: the body stands as soon as the server hears of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The limits of the settings: what the body does, and what a client is told."""
+"""The limits of the settings: what the body does, and what a client hears."""
 
 from __future__ import annotations
 

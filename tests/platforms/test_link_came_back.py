@@ -1,4 +1,4 @@
-"""A link that comes back: what moves without an order of this daemon is stopped, and an order of before is dead.
+"""A link that comes back: what moves without an order of this daemon is stopped, and an earlier order is dead.
 
 In simulated time; what is looked at is the body of the fake.
 """

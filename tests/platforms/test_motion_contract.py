@@ -1,4 +1,4 @@
-"""What every platform owes to whoever stops its robot: its body stands, soon, and stays so.
+"""What every platform owes to the client that stops its robot: its body stands, soon, and stays so.
 
 All platforms, all kinds of motion, all events that can be had in simulated time.  A platform takes part by the
 ``MOTION`` of its ``<name>_lab.py``; see ``motions``.  `make test` plays each third case, so that each kind meets two or
@@ -31,7 +31,8 @@ FASTER = 1.1
 """How much faster than itself a movement may be that goes on after a lost link."""
 _ENDED = re.compile(r"!!! .* was stopped after this statement had begun: (.*)")
 _UNWRITTEN = re.compile(r"warning: \w+(, \w+)* of motor \d+ not written: ")
-"""A write that a switch of the mode was waiting for is refused: the client is told, beside the reason for the end."""
+"""A write that a switch of the mode was waiting for is refused: the client hears of it, beside the reason for the
+end."""
 _HELD = re.compile(r"!!! .* is held by an emergency stop \(.+\): release it first")
 
 

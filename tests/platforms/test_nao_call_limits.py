@@ -1,4 +1,5 @@
-"""Limits of the settings hold for calls of services: what a call lets move is told before, or the call is refused."""
+"""Limits of the settings hold for calls of services: it is known before what a call lets move, or the call is
+refused."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from urbihw_fakes.nao.device import Nao
 
 SHIFT = 0.05
 PERIOD = 0.01
-"""Of a trajectory (System.period)."""
+"""Period of a trajectory (System.period)."""
 
 
 class DcmRig(Rig):
@@ -36,7 +36,7 @@ class DcmRig(Rig):
 
     @property
     def dcm(self) -> Dcm:
-        """Of the robot."""
+        """The DCM of the robot."""
         (found,) = [each for each in self.robot.services.values() if isinstance(each, Dcm)]
         return found
 
@@ -321,7 +321,7 @@ def swinging(**options: Any) -> Lab:
 
 
 def dcm_of(lab: Lab) -> Dcm:
-    """Of its robot."""
+    """The DCM of a lab's robot."""
     (found,) = [each for each in lab.device.services.values() if isinstance(each, Dcm)]
     return found
 

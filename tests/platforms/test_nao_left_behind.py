@@ -67,7 +67,7 @@ def test_a_behaviour_that_a_killed_worker_has_begun_is_stopped_by_the_next_one(v
     assert shoulder(rig, 3.0) < 0.01
     manager = behaviours(rig.robot)
     assert (manager.stopped, manager.get_running()) == (["animations/wave"], ["dialog/wait"]), "those of others go on"
-    # It is told once.
+    # It is reported once.
     rig = kill_worker(rig)
     rig.link.open()
     rig.driver.attach(rig.link)

@@ -7,7 +7,7 @@ from nao_lab import Lab, stand
 
 
 def angle(lab: Lab, joint: str) -> float:
-    """Of the body."""
+    """The angle of a joint of the body."""
     return lab.device.body.joints[joint].angle
 
 

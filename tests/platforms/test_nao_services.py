@@ -47,7 +47,7 @@ def test_a_stop_ends_the_statement_that_waits_for_a_motion_whatever_the_robot_do
     lab.run(0.1)
     told = lab.heard()
     assert "stopped" in told and told.endswith("*** 1"), told
-    # The late answer is nobody's: not that of the next call either.
+    # The late answer belongs to no call: not to the next one either.
     assert lab.say(f"{call}; echo(2);", 0.5) == ""
     free.append(True)
     lab.run(0.5)

@@ -63,7 +63,7 @@ def play(lab: Lab, sound: USound) -> None:
 
 
 def frequency(samples: Sequence[int], rate: int) -> float:
-    """Of a tone, Hz."""
+    """Frequency of a tone, Hz."""
     rising = [index for index in range(1, len(samples)) if samples[index - 1] < 0 <= samples[index]]
     return (len(rising) - 1) * rate / (rising[-1] - rising[0])
 

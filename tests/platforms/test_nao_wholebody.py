@@ -24,7 +24,7 @@ def standing(**options: object) -> Lab:
 
 
 def place(lab: Lab, hand: str = "LArm") -> tuple[float, ...]:
-    """Of the body."""
+    """The place of a hand of the body."""
     return lab.device.motion.find_hand(hand)
 
 

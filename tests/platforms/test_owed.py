@@ -63,7 +63,7 @@ class Stage:
         return wrong
 
     def mended(self) -> list[str]:
-        """What a new connection is told, without time stamps."""
+        """The output of a new connection, without time stamps."""
         lobby = self.lab.kernel.open_lobby()
         told = [line.partition("] ")[2] for line in lobby.output.take_bytes().decode().splitlines()]
         lobby.close()

@@ -1,4 +1,4 @@
-"""What the writer of a movement is told when the robot cannot make it or go on with it."""
+"""What the writer of a movement hears when the robot cannot make it or go on with it."""
 
 from __future__ import annotations
 

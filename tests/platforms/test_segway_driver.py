@@ -223,7 +223,7 @@ def test_a_frame_that_stays_out_takes_its_own_values_and_no_others(identifier: i
     own = {name for name, _, _ in p.MONITOR[identifier]}
     assert set(rig.values()) == everything - own
     assert missing_words(rig.values()["missing"]) == f"0x{identifier:04X}"
-    # The others are those of now.
+    # The others are the present ones.
     assert rig.values().get("velocity", 329) == 329
     assert rig.values().get("servo_frames", rig.base.frames) == pytest.approx(rig.base.frames, abs=3)
     assert rig.values().get("forward", rig.base.reading().forward_count) == pytest.approx(

@@ -161,7 +161,7 @@ def test_the_size_is_that_of_the_picture() -> None:
 
 
 def frequency(samples: list[int] | array.array[int]) -> float:
-    """Of a tone, in Hz."""
+    """Frequency of a tone, in Hz."""
     rising = [k for k in range(1, len(samples)) if samples[k - 1] < 0 <= samples[k]]
     return (len(rising) - 1) * RATE / (rising[-1] - rising[0])
 

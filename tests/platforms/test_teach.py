@@ -350,7 +350,7 @@ def test_one_motion_at_a_time_for_a_joint(robot: Bioloid) -> None:
     assert robot.look("robot.playing") == '["m1", "m2"]'
     assert robot.say('robot.play("m1"),', 0.5) == "*** m1: aborted"
     assert robot.look("robot.playing") == '["m2", "m1"]'
-    # So does whoever writes to a joint.
+    # So does a client that writes to a joint.
     robot.say("joint[2].val = -0.5;", 0.5)
     assert robot.look("robot.playing") == '["m1"]'
     assert robot.place(2) == pytest.approx(-0.5, abs=0.05)

@@ -30,7 +30,7 @@ class SlowLab(Lab):
 
 
 class Way(NamedTuple):
-    """Of a robot that wanders.
+    """The way of a robot that wanders.
 
     Attributes:
         length: of the way, in m.

@@ -30,7 +30,7 @@ def need_mujoco() -> None:
 
 
 class Plug:
-    """A world that goes on while nobody is connected to it, as one of Webots does; it can be cut off."""
+    """A world that goes on without a connection, as one of Webots does; it can be cut off."""
 
     def __init__(self) -> None:
         self.world: MujocoWorld | None = None

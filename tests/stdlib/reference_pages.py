@@ -18,7 +18,7 @@ from urbihw.kernel.stdlib.documentation import Docstrings
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "reference"
 EXAMPLES = "## Examples\n"
 HIDDEN = {"init", "type"}
-"""Slots that need no words: ``init`` is told as the construction, ``type`` is the name of the class."""
+"""Slots that need no words: ``init`` is described as the construction, ``type`` is the name of the class."""
 
 CLASSES = (
     "Barrier", "Binary", "Boolean", "CallMessage", "Channel", "Code", "Comparable", "Container", "Control", "Date",

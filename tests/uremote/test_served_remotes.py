@@ -28,7 +28,7 @@ class Place:
         assert self.say(self.remote, HOOK + CLASS) == []
 
     def say(self, lobby: Any, text: str | bytes) -> list[str]:
-        """What a lobby is told after its client said this, without the time stamps."""
+        """The output of a lobby after its client sent this, without the time stamps."""
         lobby.feed(text if isinstance(text, bytes) else text.encode("latin-1"))
         self.kernel.scheduler.run_simulated(self.kernel.clock.now() + 0.01)
         return self.heard(lobby)
@@ -71,7 +71,7 @@ def test_no_frame_leaves_for_an_object_that_has_ended(place: Place, end: str) ->
     if end:
         assert place.say(place.user, end) == []
         assert place.heard(place.remote) == [f'[5, "{name}"]']
-    # What the C++ side says when an object ends, whoever ended it: one line for each of its variables.
+    # What the C++ side says when an object ends, by any side: one line for each of its variables.
     words = f'UObject.unnotify("{name}", "v",1)|\nUObject.unnotify("{name}", "load",1)|\n;\n'
     assert place.say(place.remote, words) == []
     for call in ("z.add(1, 2);", "z.add(1);", "add(1, 2);"):

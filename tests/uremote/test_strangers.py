@@ -1,4 +1,4 @@
-"""Remotes among strangers: nobody takes over what belongs to another connection or to the server."""
+"""Remotes among strangers: no remote takes over what belongs to another connection or to the server."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Company:
         assert self.say(self.remote, DECLARED) == []
 
     def say(self, lobby: Any, text: str | bytes, seconds: float = 0.01) -> list[str]:
-        """What a lobby is told within some time after its client said this, without the time stamps."""
+        """The output of a lobby within some time after its client sent this, without the time stamps."""
         lobby.feed(text if isinstance(text, bytes) else text.encode())
         self.kernel.scheduler.run_simulated(self.kernel.clock.now() + seconds)
         return self.heard(lobby)

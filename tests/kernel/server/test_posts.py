@@ -1,4 +1,4 @@
-"""Other threads that post much hold up nobody."""
+"""Other threads that post much do not hold up clients."""
 
 from __future__ import annotations
 

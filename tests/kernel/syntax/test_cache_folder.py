@@ -1,4 +1,5 @@
-"""What is kept from one start to the next: read only if nobody else could have written it, and never without bound."""
+"""What is kept from one start to the next: read only if no other user could have written it, and never without
+bound."""
 
 from __future__ import annotations
 
