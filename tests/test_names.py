@@ -15,7 +15,10 @@ ALLOWED: Final[frozenset[str]] = frozenset()
 """Names that two classes must share, each with the outside contract that wants it.  There is none."""
 
 
-PROSE: Final = ("urbihw/**/*.py", "fakes/**/*.py", "docs/*.md", "docs/news/*", "*.md", "urbihw/platforms/*/README.md")
+PROSE: Final = (
+    "urbihw/**/*.py", "urbihw/**/*.u", "urbihw/**/*.js", "urbihw/platforms/*/README.md", "fakes/**/*.py", "docs/*.md",
+    "docs/news/*", "*.md",
+)  # fmt: skip
 WORDS: Final = ("Of ", "of before", "of now", "none", "told", "hoever", "obody")
 """One of them is in each line that ``ACCENT`` matches: to look for them first is quicker by far."""
 ACCENT: Final = re.compile(

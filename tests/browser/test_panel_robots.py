@@ -43,7 +43,7 @@ def pull_the_plug_and_stop(visitor: Visitor) -> None:
     page.click("#fault-unplug")
     page.wait_for_selector("#lamp-link.bad")
     assert "no link" in (page.text_content("#health") or "")
-    page.wait_for_selector("#stale:has-text('nobody knows whether it moves')")
+    page.wait_for_selector("#stale:has-text('it may move')")
     page.click("#stop")
     page.wait_for_selector("#stop-line.bad:has-text('NOT CONFIRMED: there is no link')")
     page.click("#fault-plug")
@@ -149,7 +149,7 @@ def test_tab_passes_a_slider_of_a_speed_and_an_arrow_key_drives_while_it_is_held
             page.keyboard.press(key)
         page.wait_for_timeout(500)
         assert speed() > 0.25
-        assert "nobody" in (page.text_content("#driver") or "")
+        assert "no one" in (page.text_content("#driver") or "")
     wait_until(lambda: abs(speed()) < 0.02)
     slider.focus()
     for _ in range(40):

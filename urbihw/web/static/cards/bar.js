@@ -98,7 +98,7 @@ function Lamp({ name, level, text }) {
 function Driver({ state }) {
   const you = store.hello.you;
   const isMine = state.drives;
-  const other = state.driver === you ? `${you}, in another window` : state.driver || "nobody";
+  const other = state.driver === you ? `${you}, in another window` : state.driver || "no one";
   const button = !mayDrive() ? null : isMine
     ? html`<button class="small" onClick=${() => ask("lease", { take: false })}>Let go</button>`
     : html`<button class="small" onClick=${() => ask("lease", { take: true })}>${state.driver ? "Take over" : "Drive"}</button>`;
@@ -127,11 +127,11 @@ function staleText(state, now) {
   if (!state) return "Waiting for the robot.";
   if (now - connection.lastHeard > 1500) return `Nothing heard for ${((now - connection.lastHeard) / 1000).toFixed(0)} s: what you see is old.`;
   if (!state.daemon) return `The interpreter has not answered for ${state.silent.toFixed(1)} s: its values are old. ${state.remote ? "It cannot stop the robot either." : "Stop and devices go by the bus worker."}`;
-  if (!state.link && state.worker) return "No link to the robot: its values are old, and nobody knows whether it moves.";
+  if (!state.link && state.worker) return "No link to the robot: its values are old, and it may move.";
   return "";
 }
 
-/** Whether the page hears nothing, so that not even the lamps are of now. */
+/** Whether the page hears nothing, so that not even the lamps are up to date. */
 const isCut = (now) => !store.isOpen || now - connection.lastHeard > 1500;
 
 // What was told before is of another time.
@@ -146,7 +146,7 @@ export function Bar() {
     return () => clearInterval(timer);
   }, []);
   const { hello, state } = store;
-  // Whoever has released it: "Held" is over.
+  // Any client may have released it: "Held" is over.
   if (state && !state.estop && wasHeld) keepTold("ok", "Released");
   wasHeld = Boolean(state && state.estop);
   // The worker stops the robot as soon as it is back.

@@ -26,7 +26,7 @@ function Detail({ part, name }) {
   return html`<span class="detail" ref=${element} title=${slot.meaning}><span class="what">${name}</span> <b class="live"></b></span>`;
 }
 
-/** A switch for the torque of a joint; it is none until its state is known. */
+/** A switch for the torque of a joint; it is absent until its state is known. */
 function Power({ part }) {
   const [isOn, setOn] = useState(null);
   useEffect(() => drawSlot(part.slotPath("load"), (value) => setOn(typeof value === "number" ? value > 0 : null), 4), []);

@@ -83,7 +83,7 @@ function partOf(row) {
     || parts.find((part) => /\D/.test(part.title) && part.title.replace(/^\D+/, "") === String(row.device) && part.slot("registers"));
 }
 
-/** What is told of an opened device, with its unit. */
+/** The rows of an opened device, each with its unit. */
 const DETAILS = [["age", "s"], ["period", "s"], ["missed", ""], ["lost", ""], ["limits", ""], ["passed", ""], ["requested", ""], ["applied", ""]];
 
 export function Devices() {

@@ -1,5 +1,5 @@
-// Samples of slots.  Whoever wants a slot says so; the wishes of one rate make one subscription.  What came is drawn in
-// the next animation frame, from the newest value: never in the handler of the message.
+// Samples of slots.  A card that wants a slot says so; the wishes of one rate make one subscription.  What came is drawn
+// in the next animation frame, from the newest value: never in the handler of the message.
 
 import { connection } from "./connection.js";
 

@@ -164,7 +164,7 @@ const PLACE = /^!!! (?:(?:[^\s:]+:)?\d+\.\d[\d.-]*: )?(?:warning: )?/;
 connection.on("output", (line) => {
   keep(store.output, line);
   notify("output");
-  // Errors and warnings of what the cards ask for would be seen by nobody in the console.
+  // Errors and warnings of what the cards ask for would be out of sight in the console.
   if ((line.kind === "error" || line.channel === "warning") && !document.getElementById("output")) showToast(line.text.replace(PLACE, ""));
 });
 connection.on("log", (row) => {
