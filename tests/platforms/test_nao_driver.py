@@ -90,6 +90,17 @@ def test_a_stop_holds_where_a_joint_is_and_leaves_it_stiff() -> None:
     assert rig.body.joints["LShoulderPitch"].angle == pytest.approx(1.5, abs=0.001)
 
 
+def test_a_stop_drops_what_was_asked_for_just_before() -> None:
+    rig = Rig().attach()
+    rig.order("stiffness", HeadYaw=1.0)
+    rig.run(0.2)
+    place = rig.body.joints["HeadYaw"].angle
+    rig.order(HeadYaw=2.0)
+    rig.driver.safe_stop()
+    rig.run(1.0)
+    assert rig.body.joints["HeadYaw"].angle == pytest.approx(place, abs=0.01)
+
+
 def test_a_stop_ends_the_walk_and_does_not_touch_its_legs() -> None:
     rig = Rig()
     stand(rig.body)

@@ -280,10 +280,11 @@ def test_a_safe_stop_is_a_stop(torque_off: bool) -> None:
     bench, kit = ready(torque_off_on_stop=torque_off)
     bench.order("vel", 300)
     bench.run(2.0)
+    before = len(orders(kit, 29))
     bench.driver.safe_stop()
     bench.run(2.0)
     assert not kit.body.moving and kit.body.motors is not torque_off
-    assert orders(kit, 29)
+    assert len(orders(kit, 29)) == before + 1
 
 
 # --- what is measured -------------------------------------------------------------------------------------------------

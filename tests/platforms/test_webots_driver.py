@@ -94,3 +94,12 @@ def test_another_speed_is_no_permission_to_go_on() -> None:
     rig.ask_mode("real")
     rig.tick()
     assert len(rig.simulation.steps) == 1
+
+
+def test_a_stop_takes_the_place_of_the_orders_that_wait() -> None:
+    rig = Rig()
+    rig.driver.targets(m.Targets({("left", "velocity"): 3.0, ("right", "velocity"): 3.0}))
+    rig.driver.safe_stop(("left",))
+    rig.grant(0)
+    rig.tick()
+    assert rig.simulation.steps == [["write", "write", "stop"]]
