@@ -23,7 +23,7 @@ from urbihw.client.credentials import Credentials, Denied
 from urbihw.client.dial import dial
 from urbihw.client.secure import context
 from urbihw.client.where import Where
-from urbihw.daemon import access, tls
+from urbihw.daemon import access, secrets, tls
 from urbihw.kernel.server.handshake import HandshakeRefusal
 from urbihw.kernel.server.tcp import MAX_UNAUTHENTICATED, WANTS_TLS
 from urbihw.kernel.uobject.motion import _client
@@ -184,20 +184,28 @@ def test_who_says_nothing_in_time_is_disconnected(lan: Lan, monkeypatch: pytest.
 def test_wrong_tokens_wait_longer_each_time_and_a_right_one_never(
     lan: Lan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(access, "FIRST_DELAY_S", 0.1)
+    waits: list[float] = []
+    fail = secrets.WrongSecrets.fail
+
+    def quickly(self: secrets.WrongSecrets, address: str) -> float:
+        waits.append(fail(self, address))
+        return waits[-1] / 5
+
+    monkeypatch.setattr(secrets.WrongSecrets, "fail", quickly)
     took = []
     for _ in range(3):
         began = time.monotonic()
         with pytest.raises(Denied, match="token refused: it is wrong"):
             connect(lan.where, user(tmp_path, "wrong"), TIMEOUT_S)
         took.append(time.monotonic() - began)
+    assert waits == [0.5, 1.0, 2.0]
     assert took[0] >= 0.1 and took[1] >= 0.2 and took[2] >= 0.4
-    monkeypatch.setattr(access, "FIRST_DELAY_S", TIMEOUT_S * 10)
+    monkeypatch.setattr(secrets.WrongSecrets, "fail", lambda self, address: TIMEOUT_S * 10)
     connect(lan.where, user(tmp_path, lan.tokens.add("alice")), TIMEOUT_S).close()
 
 
 def test_the_addresses_of_wrong_tokens_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(access, "MAX_PEERS", 4)
+    monkeypatch.setattr(secrets, "MAX_ADDRESSES", 4)
     authenticator = access.Authenticator(access.Tokens(tmp_path))
     delays = []
     for number in [0, 0, 0, 1, 2, 3, 4, 0]:

@@ -15,9 +15,9 @@ import aiohttp
 import pytest
 from browser_lab import WAIT_S, Site, site
 
-from urbihw.daemon import tls
-from urbihw.web import attempts, connections, gateway
-from urbihw.web.attempts import Attempts
+from urbihw.daemon import secrets, tls
+from urbihw.daemon.secrets import WrongSecrets
+from urbihw.web import connections, gateway
 from urbihw.web.session import WebSession
 
 
@@ -180,13 +180,13 @@ def test_wrong_codes_are_answered_later_and_later_and_logged_once_but_a_right_on
 ) -> None:
     caplog.set_level(logging.INFO)
     waits: list[float] = []
-    fail = Attempts.fail
+    fail = WrongSecrets.fail
 
-    def note(self: Attempts, address: str) -> float:
+    def note(self: WrongSecrets, address: str) -> float:
         waits.append(fail(self, address))
         return 0.0
 
-    monkeypatch.setattr(Attempts, "fail", note)
+    monkeypatch.setattr(WrongSecrets, "fail", note)
 
     async def test(made: Site) -> None:
         client = made.client()
@@ -204,11 +204,11 @@ def test_wrong_codes_are_answered_later_and_later_and_logged_once_but_a_right_on
 
 def test_wrong_codes_are_forgotten_and_their_addresses_bounded() -> None:
     now = 0.0
-    made = Attempts(lambda: now)
+    made = WrongSecrets(0.25, 8.0, lambda: now)
     assert [made.fail("a") for _ in range(3)] == [0.25, 0.5, 1.0]
-    now = attempts.FORGET_S + 1
+    now = secrets.FORGET_S + 1
     assert made.fail("a") == 0.25
-    for number in range(attempts.MAX_ADDRESSES):
+    for number in range(secrets.MAX_ADDRESSES):
         made.fail(str(number))
     assert made.fail("a") == 0.25, "it had been quiet for longest"
 

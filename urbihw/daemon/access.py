@@ -3,28 +3,20 @@
 A token is made by ``urbihw access add NAME``, shown once, and stored as a salted hash.  A client sends it in the first
 line, ``token TOKEN``, inside TLS; until it is accepted there is no lobby and no banner, and nothing is read as
 urbiscript.  The answer is one line, ``*** urbihw: token accepted ...`` or ``*** urbihw: token refused ...``.
-
-The answer to a wrong token is delayed, with a delay that doubles each time, to spare the log and the processor; tokens
-cannot be guessed anyway.  A right token never waits, so an attacker (or a forgotten program with an old token) behind
-the same address does not keep other clients out.
 """
 
 from __future__ import annotations
 
-import contextlib
-import hashlib
-import hmac
 import logging
 import re
-import secrets
 from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
-from urbihw.backoff import BackOff
 from urbihw.daemon.files import read_regular
+from urbihw.daemon.secrets import NAME, NAME_RULE, WrongSecrets, find_stored, make_secret
 from urbihw.daemon.state import MAX_SECRET_BYTES, lock_folder, read_secret, write_secret
 from urbihw.kernel.server.handshake import HandshakeRefusal, line
 from urbihw.kernel.uobject import BadConfig
@@ -35,7 +27,6 @@ FILE: Final = "tokens"
 """Name of the file in the state folder, with a line of name, date, salt and hash for each token."""
 CREDENTIAL: Final = "urbihw.tokens"
 """Name of the same file as a credential of the service manager."""
-_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.@-]{0,63}")
 MAX_TOKENS: Final = 1000
 """Maximum number of tokens of a robot; all are compared at each login."""
 
@@ -47,20 +38,13 @@ class StoredToken:
     Attributes:
         name: name of the owner.
         made: day of creation, as ``2026-01-31``.
-        salt, digest: the salt, and the hash of salt and token (function ``digest``).
+        salt, digest: the salt, and the hash of salt and token (``secrets.digest_of``).
     """
 
     name: str
     made: str
     salt: str
     digest: str
-
-
-def digest(salt: str, token: str) -> str:
-    """The hash of a token. One round of SHA-256 is enough: a token has 256 random bits and cannot be found by trial,
-    unlike a password.  scrypt would block all clients of a Pi for a good part of a second.
-    """
-    return hashlib.sha256(f"{salt}:{token}".encode()).hexdigest()
 
 
 class Tokens:
@@ -94,21 +78,21 @@ class Tokens:
     def add(self, name: str) -> str:
         """Make a token for a new name, and return it; only its hash is stored.  Raises BadConfig for a name that has
         one."""
-        if not _NAME.fullmatch(name):
-            raise BadConfig(f"{name!r} is no name: give letters, digits and . _ @ -, at most 64, such as alice@laptop")
-        token, salt = secrets.token_urlsafe(32), secrets.token_hex(16)
+        if not NAME.fullmatch(name):
+            raise BadConfig(f"{name!r} is no name: {NAME_RULE} alice@laptop")
+        token, salt, digest = make_secret(32)
         with lock_folder(self._folder):
             entries = self.entries()
             if any(entry.name == name for entry in entries):
                 raise BadConfig(f"{name} has a token already; to make another one: urbihw access remove {name}")
             if len(entries) >= MAX_TOKENS:
                 raise BadConfig(f"there are {MAX_TOKENS} tokens, which is the most: urbihw access remove NAME")
-            self._write([*entries, StoredToken(name, datetime.now(UTC).date().isoformat(), salt, digest(salt, token))])
+            self._write([*entries, StoredToken(name, datetime.now(UTC).date().isoformat(), salt, digest)])
         return token
 
     def remove(self, name: str) -> None:
         """Remove the token of a name.  Raises BadConfig when there is no such name."""
-        with lock_folder(self._folder) if self._folder.exists() else contextlib.nullcontext():
+        with lock_folder(self._folder):
             entries = self.entries()
             if all(entry.name != name for entry in entries):
                 there = ", ".join(entry.name for entry in entries) or "none"
@@ -120,12 +104,8 @@ class Tokens:
         write_secret(self._file, "".join(rows))
 
     def find_entry(self, token: str) -> StoredToken | None:
-        """The entry of a token; None for a wrong one.  The time does not depend on how many characters are right."""
-        found = None
-        for entry in self.entries():
-            if hmac.compare_digest(entry.digest, digest(entry.salt, token)):
-                found = entry
-        return found
+        """The entry of a token; None for a wrong one."""
+        return find_stored(self.entries(), token)
 
 
 # ---------------------------------------------------------------- the first line of a connection
@@ -139,8 +119,6 @@ FIRST_DELAY_S: Final = 0.5
 MAX_DELAY_S: Final = 30.0
 """Seconds by which the answer to the first wrong token of an address is delayed, and the maximum of the doubled
 delay."""
-MAX_PEERS: Final = 256
-"""Maximum number of addresses whose wrong tokens are counted; the least recent one is dropped for a new one."""
 
 _LINE: Final = re.compile(rb"token ([\x21-\x7e]+)[ \t]*\r?")
 
@@ -150,8 +128,7 @@ class Authenticator:
 
     def __init__(self, tokens: Tokens) -> None:
         self._tokens = tokens
-        self._delays: dict[str, BackOff] = {}
-        """The delays, by address, of clients whose last token was wrong."""
+        self._wrong = WrongSecrets(FIRST_DELAY_S, MAX_DELAY_S)
 
     def handshake(self, peer: str) -> TokenHandshake:
         """Make the handshake of a connection from an address."""
@@ -165,16 +142,12 @@ class Authenticator:
             told = "token refused: the robot cannot read its tokens, its log says why"
             raise HandshakeRefusal(line(told), str(error)) from error
         if entry is not None:
-            self._delays.pop(peer, None)
+            self._wrong.succeed(peer)
             return entry
-        delays = self._delays.pop(peer, None) or BackOff(FIRST_DELAY_S, MAX_DELAY_S)
-        while len(self._delays) >= MAX_PEERS:
-            del self._delays[next(iter(self._delays))]
-        self._delays[peer] = delays  # moved to the end: the first one is the least recent
         raise HandshakeRefusal(
             line("token refused: it is wrong, or was removed; the robot makes another one: urbihw access add NAME"),
             "a wrong token",
-            delays.next_pause(),
+            self._wrong.fail(peer),
         )
 
     def check(self) -> None:

@@ -85,7 +85,11 @@ def _give_to_owner(file: Path | int, folder: Path) -> None:
 
 @contextlib.contextmanager
 def lock_folder(folder: Path) -> Iterator[None]:
-    """Hold an exclusive lock on the folder, for files that are read, changed and written again."""
+    """Hold an exclusive lock on the folder, for files that are read, changed and written again; a folder that does not
+    exist needs none."""
+    if not folder.exists():
+        yield
+        return
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX)

@@ -4,7 +4,7 @@ It is a client of the daemon, by one connection to port 54000 for each browser, 
 worker, so that stop, emergency stop, state and plots of devices work while the interpreter is busy.
 
 Reading order: ``settings``, ``gateway`` (what runs), ``connections`` (TCP), ``pages`` and ``guards`` (HTTP),
-``pairing`` (who may come in) with ``attempts`` (wrong codes),
+``pairing`` (who may come in),
 ``session`` (one browser) with ``outbox`` (what it has not read yet) and ``verbs`` (what it may ask), ``lobby`` (a
 connection to the daemon), ``worker`` (what the control socket tells), ``remote`` (a robot of another machine),
 ``robot`` (state, devices and tree for all browsers), ``tree`` (what may be read, written and called).

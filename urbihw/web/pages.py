@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from aiohttp import web
 
-from urbihw.web.attempts import Attempts
+from urbihw.daemon.secrets import WrongSecrets
 from urbihw.web.connections import Handler
 from urbihw.web.guards import Handler as Answer
 from urbihw.web.guards import RequestGuard, add_headers, make_middleware
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 FOLDER: Final = Path(__file__).parent
 _MAX_CODE_LENGTH: Final = 64
+FIRST_DELAY_S, MAX_DELAY_S = 0.25, 8.0
+"""Seconds by which the answers to wrong codes are delayed: the first one, and the maximum of the doubled delay."""
 _PAGE: Final = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
 <link rel="icon" href="data:,">{head}<title>urbihw</title></head>
@@ -36,7 +38,7 @@ class Pages:
     def __init__(self, gateway: Gateway) -> None:
         self._gateway = gateway
         self._cookie = f"urbihw_{gateway.port}"
-        self._attempts = Attempts()
+        self._attempts = WrongSecrets(FIRST_DELAY_S, MAX_DELAY_S)
         self.app = web.Application(middlewares=[_note_request, make_middleware(RequestGuard())], client_max_size=1024)
         self.app.on_response_prepare.append(add_headers)
         self.app.add_routes([

@@ -7,18 +7,14 @@ panel pair`` and ``remove`` change them while the gateway runs.
 
 from __future__ import annotations
 
-import hashlib
-import hmac
-import re
-import secrets
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Final, Literal, NamedTuple, TypeGuard
 
+from urbihw.daemon.secrets import NAME, NAME_RULE, find_stored, make_secret
 from urbihw.daemon.state import lock_folder, read_secret, write_secret
 
 Role = Literal["view", "drive", "full"]
@@ -30,7 +26,6 @@ MAX_BROWSERS: Final = 64
 MAX_CODES: Final = 16
 FILE: Final = "browsers"
 CODES: Final = "browser-codes"
-_NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.@-]{0,63}")
 
 
 class BadPairing(ValueError):
@@ -82,12 +77,12 @@ class Pairings:
 
     def make_code(self, name: str, role: str, port: int) -> str:
         """A code for a browser of this name and role at the gateway on a port.  Raises BadPairing for a bad name."""
-        if not _NAME.fullmatch(name):
-            raise BadPairing(f"{name!r} is no name: give letters, digits and . _ @ -, at most 64, such as anna")
+        if not NAME.fullmatch(name):
+            raise BadPairing(f"{name!r} is no name: {NAME_RULE} anna")
         if not is_role(role):
             raise BadPairing(f"{role!r} is no role: give {', '.join(ROLES)}")
-        code, salt = secrets.token_urlsafe(12), secrets.token_hex(8)
-        made = _Code(name, role, port, self._now() + CODE_LIFETIME_S, salt, _digest(salt, code))
+        code, salt, digest = make_secret(12)
+        made = _Code(name, role, port, self._now() + CODE_LIFETIME_S, salt, digest)
         with lock_folder(self._folder):
             self._write_codes([*self._codes(), made][-MAX_CODES:])
         return code
@@ -102,9 +97,9 @@ class Pairings:
             if found is None:
                 return None
             self._write_codes([each for each in codes if each is not found])
-            cookie, salt = secrets.token_urlsafe(32), secrets.token_hex(8)
+            cookie, salt, digest = make_secret(32)
             today = datetime.now(UTC).date().isoformat()
-            browser = Browser(found.name, found.role, port, today, salt, _digest(salt, cookie))
+            browser = Browser(found.name, found.role, port, today, salt, digest)
             self._write([*self._fresh(port), browser])
         return browser, cookie
 
@@ -138,15 +133,11 @@ class Pairings:
 
     def find(self, cookie: str, port: int) -> Browser | None:
         """The browser with a cookie; None for a wrong or old one."""
-        found = None
-        for each in self.browsers():
-            if each.port == port and hmac.compare_digest(each.digest, _digest(each.salt, cookie)):
-                found = each
-        return found
+        return find_stored((each for each in self.browsers() if each.port == port), cookie)
 
     def remove(self, name: str) -> int:
         """Remove the browsers of a name; returns how many there were.  Raises BadPairing if there are none."""
-        with _locked(self._folder):
+        with lock_folder(self._folder):
             known = self.browsers()
             kept = [each for each in known if each.name != name]
             if len(kept) == len(known):
@@ -170,27 +161,9 @@ class Pairings:
 
 
 def _find_code(codes: list[_Code], code: str, port: int) -> _Code | None:
-    found = None
-    for each in codes:
-        if each.port == port and hmac.compare_digest(each.digest, _digest(each.salt, code)):
-            found = each
-    return found
+    return find_stored((each for each in codes if each.port == port), code)
 
 
 def is_role(text: str) -> TypeGuard[Role]:
     """Whether a text is the name of a role."""
     return text in ROLES
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    if folder.exists():
-        with lock_folder(folder):
-            yield
-    else:
-        yield
-
-
-def _digest(salt: str, secret: str) -> str:
-    """One round of SHA-256 is enough for random secrets, as for tokens (``urbihw.daemon.access``)."""
-    return hashlib.sha256(f"{salt}:{secret}".encode()).hexdigest()
