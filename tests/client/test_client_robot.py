@@ -486,3 +486,28 @@ def test_nothing_is_left_behind(robot: Robot) -> None:
     with robot.watch("motor6.val", hz=100) as samples:
         next(samples)
     assert threading.active_count() == before
+
+
+def test_a_connection_keeps_its_lease_by_itself(lan: Lan) -> None:
+    with urbihw.connect("127.0.0.1", lan.plain_port, timeout=20, lease=0.4) as robot:
+        assert robot.run("lobby.lease") == 0.4
+        robot.run("var Global.leaser = lobby|")
+        with urbihw.connect("127.0.0.1", lan.plain_port, timeout=20) as other:
+            heard = other.run("Global.leaser.bytesReceived")
+            until = time.monotonic() + 60
+            while other.run("Global.leaser.bytesReceived") == heard and time.monotonic() < until:
+                time.sleep(0.01)
+            assert other.run("Global.leaser.bytesReceived") > heard
+
+
+def test_a_connection_of_asyncio_keeps_its_lease_too(lan: Lan) -> None:
+    async def play() -> None:
+        async with await aio.connect("127.0.0.1", lan.plain_port, timeout=20, lease=0.4) as robot:
+            assert await robot.run("lobby.lease") == 0.4
+            await robot.run("var Global.leaser = lobby|")
+            async with await aio.connect("127.0.0.1", lan.plain_port, timeout=20) as other:
+                heard = await other.run("Global.leaser.bytesReceived")
+                while await other.run("Global.leaser.bytesReceived") == heard:
+                    await asyncio.sleep(0.01)
+
+    asyncio.run(asyncio.wait_for(play(), 60))

@@ -241,6 +241,7 @@ async def connect(
     trust: bool = False,
     timeout: float = 10.0,
     reconnect: bool = True,
+    lease: float = 0.0,
     on_message: Callable[[Message], None] | None = None,
 ) -> AsyncRobot:
     """Connect to a server; the arguments and errors are those of ``urbihw.connect``."""
@@ -248,6 +249,8 @@ async def connect(
     where = where_is(*split_address(host, port), tls)
     credentials = credentials_of(token, token_file, trust)
     hear = on_message or messages.append
-    connection = AsyncConnection(where, credentials, timeout, reconnect, lambda line, at: hear(message_of(line, at)))
+    connection = AsyncConnection(
+        where, credentials, timeout, reconnect, lambda line, at: hear(message_of(line, at)), lease=lease
+    )
     await connection.open()
     return AsyncRobot(connection, messages)

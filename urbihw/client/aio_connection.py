@@ -8,7 +8,21 @@ from contextlib import suppress
 from time import monotonic
 from typing import Concatenate, ParamSpec
 
-from urbihw.client.core import ClientCore, CoreOwner, Dial, Drain, Pause, R, Send, Statement, Step, Steps, Wait
+from urbihw.client.core import (
+    KEEP_ALIVE,
+    KEEP_ALIVE_SHARE,
+    ClientCore,
+    CoreOwner,
+    Dial,
+    Drain,
+    Pause,
+    R,
+    Send,
+    Statement,
+    Step,
+    Steps,
+    Wait,
+)
 from urbihw.client.credentials import Credentials
 from urbihw.client.dial import dial
 from urbihw.client.lines import MAX_LINE_BYTES
@@ -67,9 +81,12 @@ class AsyncConnection(CoreOwner):
         asks_first: bool = True,
         max_line: int = MAX_LINE_BYTES,
         on_lost: Callable[[], None] = lambda: None,
+        lease: float = 0.0,
     ) -> None:
         """``on_lost`` is called when the connection has ended; the other arguments are those of ``ClientCore``."""
-        self.core = ClientCore(where, credentials, timeout, reconnect, on_line, self._hang_up, asks_first, max_line)
+        self.core = ClientCore(
+            where, credentials, timeout, reconnect, on_line, self._hang_up, asks_first, max_line, lease
+        )
         self.transport: asyncio.Transport | None = None
         self._on_lost = on_lost
         self._waiting: list[tuple[Callable[[], bool], Callable[[], None]]] = []
@@ -84,6 +101,14 @@ class AsyncConnection(CoreOwner):
     async def open(self) -> None:
         """Connect.  Raises CannotConnect, AccessDenied or TimedOut."""
         await self.run(self.core.connect(monotonic() + self.timeout))
+        if self.core.lease:
+            self._keep_lease()
+
+    def _keep_lease(self) -> None:
+        """Send an empty line now and then, until the program closes the connection."""
+        if not self.core.closed:
+            self.send(KEEP_ALIVE)
+            asyncio.get_running_loop().call_later(KEEP_ALIVE_SHARE * self.core.lease, self._keep_lease)
 
     def begin(self, statement: Statement, answered: Callable[[Question], None]) -> Callable[[], None]:
         """Send a statement at once; ``answered`` gets its question with the Line of the answer, or why there is none.

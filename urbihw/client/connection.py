@@ -1,9 +1,9 @@
 """A blocking connection of the client library, for any number of threads: it does the steps of ``core`` with a socket.
 
-It has no thread of its own: a thread that waits for an answer reads the socket, also for the others; the others wait
-until their answer has come or the reader leaves.  So a command costs no more than the way to the server and back, and
-nothing is left behind when a program ends or is interrupted: Ctrl-C ends the waiting of the main thread only
-(``interrupts``).
+It has no thread of its own, unless it keeps a lease: a thread that waits for an answer reads the socket, also for the
+others; the others wait until their answer has come or the reader leaves.  So a command costs no more than the way to
+the server and back, and nothing is left behind when a program ends or is interrupted: Ctrl-C ends the waiting of the
+main thread only (``interrupts``).
 """
 
 from __future__ import annotations
@@ -13,13 +13,28 @@ import socket
 import threading
 from collections import deque
 from collections.abc import Callable
-from time import monotonic
+from contextlib import suppress
+from time import monotonic, sleep
 from typing import Concatenate, Final, ParamSpec
+from weakref import ref
 
 from urbihw.client.connect import ClientSocket, connect, has_unread
-from urbihw.client.core import ClientCore, CoreOwner, Dial, Drain, Pause, R, Send, Step, Steps, Wait
+from urbihw.client.core import (
+    KEEP_ALIVE,
+    KEEP_ALIVE_SHARE,
+    ClientCore,
+    CoreOwner,
+    Dial,
+    Drain,
+    Pause,
+    R,
+    Send,
+    Step,
+    Steps,
+    Wait,
+)
 from urbihw.client.credentials import Credentials
-from urbihw.client.errors import ConnectionLost, TimedOut
+from urbihw.client.errors import ClientError, ConnectionLost, TimedOut
 from urbihw.client.interrupts import DEFERRAL
 from urbihw.client.lines import Line
 from urbihw.client.session import OnLine
@@ -56,6 +71,7 @@ class Connection(CoreOwner):
         reconnect: bool,
         on_line: OnLine,
         asks_first: bool = True,
+        lease: float = 0.0,
     ) -> None:
         """The arguments are those of ``ClientCore``."""
         self._on_line = on_line
@@ -73,8 +89,11 @@ class Connection(CoreOwner):
         def keep(line: Line, at: float) -> None:
             self._lines.append((line, at))
 
-        self.core = ClientCore(where, credentials, timeout, reconnect, keep, self._hang_up, asks_first)
+        self.core = ClientCore(where, credentials, timeout, reconnect, keep, self._hang_up, asks_first, lease=lease)
         self.run(self.core.connect(monotonic() + timeout))
+        if lease:
+            pause = KEEP_ALIVE_SHARE * lease
+            threading.Thread(target=_keep_lease, args=(ref(self), pause), name="urbihw-lease", daemon=True).start()
 
     # Commands, also from several threads at once: what is asked for, returned and raised stands in ``ClientCore``.
     ask = _blocking(ClientCore.ask)
@@ -250,6 +269,18 @@ class Connection(CoreOwner):
             pass
         if self._reading is not made:
             made.close()
+
+
+def _keep_lease(reference: ref[Connection], seconds: float) -> None:
+    """Send an empty line every so many seconds, until the program closes or forgets the connection."""
+    while True:
+        sleep(seconds)
+        connection = reference()
+        if connection is None or connection.core.closed:
+            return
+        with suppress(ClientError):  # the next command tells it
+            connection.send(KEEP_ALIVE)
+        del connection
 
 
 def _rest(pause: Pause) -> None:

@@ -26,6 +26,10 @@ from urbihw.client.where import Where, explain_absence, why
 
 FIRST_PAUSE_S, MAX_PAUSE_S = 0.1, 2.0
 """Seconds before the second attempt to connect again, and the maximum of the doubled pauses."""
+KEEP_ALIVE: Final = "\n"
+"""What keeps a lease: the server reads it at once, and has nothing to do."""
+KEEP_ALIVE_SHARE: Final = 0.25
+"""Time between two of them, as a share of the lease."""
 SHORTEST_DIAL_S: Final = 0.1
 """Seconds that an attempt to connect has, also when less is left."""
 Statement = Callable[[Native, str], str]
@@ -89,13 +93,16 @@ class ClientCore:
         hang_up: Callable[[], None],
         asks_first: bool = True,
         max_line: int = MAX_LINE_BYTES,
+        lease: float = 0.0,
     ) -> None:
         """``timeout``: seconds to connect, and for an answer; ``reconnect``: whether a command connects again;
         ``on_line`` gets what the server says without being asked; ``hang_up`` closes the socket; ``asks_first``: ask
         what the server can, before anything else.  Without that ``on_line`` gets all lines, from the first one on, and
         all servers are addressed in the same way (``PlainDialect``).
-        ``max_line``: bytes of the longest line of the server.
+        ``max_line``: bytes of the longest line of the server.  ``lease``: ``lobby.lease`` of each connection in
+        seconds, 0 for none; the driver sends ``KEEP_ALIVE`` every ``KEEP_ALIVE_SHARE`` of it.
         """
+        self.lease = lease
         self.where = where
         self.credentials = credentials
         self.timeout = timeout
@@ -232,6 +239,10 @@ class ClientCore:
                 raise self._error()
             if self._asks_first:
                 yield from self._greet(session, limit)
+            if self.lease:
+                question = session.open_question()
+                text = session.dialect.evaluate(question.channel, f"lobby.lease = {self.lease!r}")
+                yield from self._ask_now(session, question, text, limit)
             for stream in [stream for stream in self._streams if not stream.closed]:
                 yield from self._begin_again(session, stream, limit)
         except BaseException:

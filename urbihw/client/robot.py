@@ -349,6 +349,7 @@ def connect(
     trust: bool = False,
     timeout: float = 10.0,
     reconnect: bool = True,
+    lease: float = 0.0,
     on_message: Callable[[Message], None] | None = None,
 ) -> Robot:
     """Connect to a server.  Raises CannotConnect, AccessDenied or TimedOut.
@@ -357,11 +358,15 @@ def connect(
     ``URBIHW_TOKEN``, or ``~/.config/urbihw/tokens``: for TLS, which is the default to other machines (``tls``).
     ``trust``: store the certificate of an unknown server.  ``timeout``: seconds to connect, and for an answer.
     ``reconnect``: whether a command after a lost connection connects again; what was watched goes on.
+    ``lease``: seconds (0.1 to 3600; 0 is no limit) after which the server stops what this program has moved if it is
+    held, by a debugger for example; the connection says by itself that it lives (``lobby.lease``).
     ``on_message`` is called with what the server says by itself; by default it is kept in ``robot.messages``.
     """
     messages: deque[Message] = deque(maxlen=MAX_KEPT_MESSAGES)
     where = where_is(*split_address(host, port), tls)
     credentials = credentials_of(token, token_file, trust)
     hear = on_message or messages.append
-    connection = Connection(where, credentials, timeout, reconnect, lambda line, at: hear(message_of(line, at)))
+    connection = Connection(
+        where, credentials, timeout, reconnect, lambda line, at: hear(message_of(line, at)), lease=lease
+    )
     return Robot(connection, messages)

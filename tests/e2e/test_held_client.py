@@ -1,0 +1,47 @@
+"""A client that is held by SIGSTOP, and the body that it moves."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from faults_lab import ROOT, Daemon, Watcher, wait_for
+from moving_robots import RIGS
+
+pytestmark = pytest.mark.e2e
+
+PROGRAM = """
+import sys, urbihw
+robot = urbihw.connect("127.0.0.1", int(sys.argv[1]), timeout=60, lease=1.0)
+while True:
+    robot.run("motor7.cwLimit = 0|; motor7.ccwLimit = 0|; motor7.speed = 2")
+    sys.stdin.readline()
+"""
+
+
+def test_what_a_held_client_moves_stands_and_moves_again_when_it_goes_on(tmp_path: Path) -> None:
+    (rig,) = (rig for rig in RIGS if rig.name == "Bioloid, a wheel")
+    end, look = rig.make()
+    with end, contextlib.ExitStack() as stack:
+        end.start()
+        daemon = Daemon(tmp_path, "bioloid", end.url)
+        stack.callback(daemon.close)
+        command = (sys.executable, "-c", PROGRAM, str(daemon.port))
+        client = stack.enter_context(subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE))
+        stack.callback(client.kill)
+        watcher = stack.enter_context(contextlib.closing(Watcher(end, look)))
+        for _ in range(2):
+            wait_for(lambda: watcher.speed() > 1.5, "the wheel to turn")
+            os.kill(client.pid, signal.SIGSTOP)
+            wait_for(lambda: watcher.speed() == 0, "the wheel to stand")
+            os.kill(client.pid, signal.SIGCONT)
+            assert client.stdin is not None
+            client.stdin.write(b"go on\n")
+            client.stdin.flush()
+        wait_for(lambda: watcher.speed() > 1.5, "the wheel to turn again")
+        assert "has sent nothing for 1 s (lobby.lease)" in daemon.log()
