@@ -13,6 +13,7 @@ from urbihw.buses import open as open_port
 from urbihw.buses.can import cia402 as c
 from urbihw.buses.can.drive import DriveInfo
 from urbihw.buses.can.drives import DrivesDriver
+from urbihw.buses.can.emergencies import advised
 from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
 from urbihw.buses.link import Context, Url
 from urbihw.buses.pipe import PipeLink
@@ -204,7 +205,7 @@ def test_a_fault_is_told_and_reset_without_moving(rig: Rig) -> None:
     rig.run(0.1)
     assert rig.values()["status"] & 0x4F == 0x08
     assert rig.take(m.DeviceReport) == [m.DeviceReport(5, "emergency", (0x2310, 1))]
-    assert rig.ask("enable") == m.Reply(7, False, None, "drive 5 stays in fault")
+    assert rig.ask("enable") == m.Reply(7, False, None, f"drive 5 stays in {advised('fault', 5)}")
     rig.run(3.0)
     reply = rig.ask("reset")
     assert reply.ok

@@ -9,6 +9,7 @@ import pytest
 
 from urbihw.buses.can.cia402 import FAULT, state_of
 from urbihw.buses.can.drives import DrivesDriver
+from urbihw.buses.can.emergencies import advised
 from urbihw.buses.driver import Driver
 from urbihw.buses.readings import Reading
 from urbihw.platforms.nao.driver import NaoDriver
@@ -44,7 +45,7 @@ def test_a_reading(
 
 def test_a_fault_of_a_drive_is_an_alarm() -> None:
     assert state_of(FAULT_WORD) == FAULT
-    assert DrivesDriver().reading(5, "status", FAULT_WORD) == Reading("alarm", "fault")
+    assert DrivesDriver().reading(5, "status", FAULT_WORD) == Reading("alarm", advised("fault", 5))
     assert DrivesDriver().reading(5, "status", 0x0027) == Reading("alarm", "")
 
 

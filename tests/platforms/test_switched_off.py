@@ -61,7 +61,8 @@ def test_an_alarm_has_taken_the_torque_and_it_is_said_how_to_get_it_back() -> No
     lab.say("motor6.val = 0.1|;", 0.5)
     lab.kit.servo(6).registers.put("torque_limit", 0)
     lab.run(0.5)
-    assert "motor 6 gives no torque since an alarm: switch it on with load = 1" in lab.say("motor6.val = 0.2|;", 0.1)
+    words = "motor 6 gives no torque: its torque limit is 0, as after an alarm: mend the cause, then motor6.load = 1"
+    assert words in lab.say("motor6.val = 0.2|;", 0.1)
     assert "warning" not in lab.say("motor6.load = 1| motor6.val = 0.3|;", 0.5)
     assert lab.look("motor6.limitedBy") == '""'
 

@@ -245,7 +245,12 @@ class HealthRecord:
 
     def _readings(self, device: Any, values: Mapping[str, Any]) -> dict[str, Reading]:
         found = (self._driver.reading(device, item, raw) for item, raw in values.items())
-        return {each.quantity: each for each in found if each is not None}
+        known: dict[str, Reading] = {}
+        for each in found:
+            # Several registers may tell alarms: none of them hides that of another one.
+            if each is not None and (each.quantity != ALARM or each.value or ALARM not in known):
+                known[each.quantity] = each
+        return known
 
     def _targets(self, device: Any, table: Mapping[Key, Any]) -> dict[str, float | None]:
         values = {item: raw for (whose, item), raw in table.items() if whose == device}

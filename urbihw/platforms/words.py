@@ -14,7 +14,7 @@ COMMON: Final[dict[str, tuple[str, str]]] = {
     "modelName": ("name of the model", ""),
     "serial": ("serial number", ""),
     "firmware": ("version of the firmware", "1"),
-    "state": ("ok, suspect, lost or back", ""),
+    "state": ("ok, suspect, lost, back, or alarm while it does not do what it is told", ""),
     "stale": ("whether the values are old, because the device does not answer", ""),
     "alarm": ("what the device complains of, empty for nothing", ""),
     "fault": ("what the device complains of, empty for nothing", ""),

@@ -24,6 +24,7 @@ from canopen import SdoAbortedError, SdoCommunicationError
 
 from urbihw.buses.can import cia402 as c
 from urbihw.buses.can.drive import HEARTBEAT_PERIOD_S, HEARTBEAT_TIMEOUT_S, MASTER, CanDrive, DriveInfo
+from urbihw.buses.can.emergencies import advised
 from urbihw.buses.can.network import PortNetwork
 from urbihw.buses.can.options import LAST_NODE, CanOptions
 from urbihw.buses.can.port import can_port
@@ -226,7 +227,7 @@ class DrivesDriver(Driver):
         """Return position, speed and torque of the motor's shaft in rad, rad/s and N m; a fault is an alarm."""
         drive = self._drives.get(device)
         if item == "status":
-            return Reading(ALARM, "fault" if c.state_of(raw) == c.FAULT else "")
+            return Reading(ALARM, advised("fault", device) if c.state_of(raw) in (c.FAULT, c.REACTION) else "")
         if drive is None:
             return None
         increment = math.tau / (drive.info.increments or math.nan)
@@ -368,7 +369,8 @@ class DrivesDriver(Driver):
         drive.resets = False
         if wait.verb == "enable":
             drive.wanted = None
-        return [Reply(wait.reply_id, False, error=f"drive {number} stays in {state}")]
+        told = advised(state, number) if state == c.FAULT else state
+        return [Reply(wait.reply_id, False, error=f"drive {number} stays in {told}")]
 
     def _check_homing(self, number: int, drive: CanDrive, wait: _Transition, now: float) -> list[FromWorker]:
         result = drive.homing_result() if drive.state == c.ENABLED else False

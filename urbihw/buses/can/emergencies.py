@@ -87,6 +87,11 @@ _CLASSES: Final = {
 }
 
 
+def advised(words: str, drive: object) -> str:
+    """A fault with what helps, in one line."""
+    return f"{words}: mend the cause, then drive{drive}.resetFault and drive{drive}.load = 1"
+
+
 def emergency_text(code: int) -> str:
     """What an error code means, "no error" for 0, and "unknown error" for a code of no known class."""
     if code < 0x100:

@@ -60,8 +60,7 @@ def _return_delay(servo: SurveyedServo) -> float:
 def _alarms(servo: SurveyedServo) -> Iterator[ServoFinding]:
     error = servo.values.get("hardware_error", 0)
     if error:
-        bits = servo.device.table.hardware_errors if servo.device.table else {}
-        words = ", ".join(word for bit, word in bits.items() if error >> bit & 1) or f"0x{error:02X}"
+        words = servo.device.table.error_words(error) if servo.device.table else f"0x{error:02X}"
         yield ServoFinding(f"hardware error ({words}): mend the cause, then urbihw servo reboot")
     elif servo.state:
         yield ServoFinding(f"alarm: {state_words(servo.state, servo.device.protocol)}")

@@ -146,6 +146,10 @@ class ControlTable:
     hardware_errors: Mapping[int, str] = field(default_factory=dict)
     follows: tuple[float, float] = (0.03, 0.17)
 
+    def error_words(self, raw: int) -> str:
+        """Return the causes of a hardware error, such as "overheating, overload"; "" for none."""
+        return ", ".join(words for bit, words in self.hardware_errors.items() if raw >> bit & 1)
+
     def item(self, name: str) -> Item:
         """Return an item by name, or by place: "@30:2" is 2 bytes from address 30. Raises BadValue naming the table.
 

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from urbihw.buses.readings import ALARM, Reading
 from urbihw.buses.servos import units
+from urbihw.buses.servos.alarms import NO_TORQUE_LIMIT, advised
 from urbihw.buses.servos.cycle import STATE_ITEM
 from urbihw.buses.servos.device import ServoDevice
 from urbihw.buses.servos.item import ControlTable, Item
@@ -30,17 +31,27 @@ _RANGES: Final = {
     "voltage": ("min_voltage_limit", "max_voltage_limit"),
 }
 """Quantity -> the registers of its lowest and its highest value, "" for none."""
+HARDWARE_ERROR: Final = "hardware_error"
+"""The register with the causes of an alert, in protocol 2.0."""
 _EFFECTORS: Final = {"rad": "position", "rad/s": "speed", "A": "current"}
 """SI unit of the target that moves a servo -> quantity; a share of the full drive is "load"."""
 
 
 def reading_of(device: ServoDevice, item: str, raw: Any) -> Reading | None:
     """Return the reading of a register; None for those that tell nothing of the health."""
-    if item == STATE_ITEM:
-        return Reading(ALARM, state_words(raw, device.protocol))
     table, mode = device.table, device.mode
+    if table is not None and table.hardware_errors:
+        # This register has the cause; the bit in the answers only says that there is one.
+        if item == HARDWARE_ERROR:
+            return Reading(ALARM, advised(table.error_words(raw), f"motor{device.id}.reboot"))
+        if item == STATE_ITEM:
+            return None
+    elif item == STATE_ITEM:
+        return Reading(ALARM, advised(state_words(raw, device.protocol), f"motor{device.id}.load = 1"))
     if table is None or item not in table.items:
         return None
+    if item == "torque_limit" and table.protocol == 1 and not table.hardware_errors and device.protocol == 1:
+        return Reading(ALARM, "" if raw else advised(NO_TORQUE_LIMIT, f"motor{device.id}.load = 1"))
     found = table.items[item]
     wheel = mode is not None and mode.name == "wheel"
     quantity = _MEASURED.get(item, "")

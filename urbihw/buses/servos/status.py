@@ -53,7 +53,7 @@ def refusal_of(error: int, protocol: int) -> int:
 def state_words(state: int, protocol: int) -> str:
     """Return state bits as a text, for instance "overheating, overload"; "" for none."""
     if protocol == 2:
-        return "hardware alert (register 70 says which)" if state & ALERT_2 else ""
+        return "hardware alert" if state & ALERT_2 else ""
     bits = STATE_BITS_1 if protocol == 1 else STATE_BITS_FEETECH
     return ", ".join(word for bit, word in bits.items() if state & bit)
 

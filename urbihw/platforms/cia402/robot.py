@@ -73,7 +73,7 @@ class Cia402(MotionRobot):
                 continue
             about = (self.channel, info, self._report_refused, self.motion)
             drive = self.host.create(ServoDrive, f"drive{info.id}", *about)
-            drive.log = self.log
+            drive.log, drive.fault_changed = self.log, self.show_problems
             self.members[info.id] = drive
             if not info.watches:
                 self.log.warning("drive %d cannot watch us: it goes on if this machine dies", info.id)
@@ -112,6 +112,10 @@ class Cia402(MotionRobot):
             self.emergency.emit(drive, float(message.value[0]), text)
         elif message.what == "left alone":
             self.log.warning("%s; it is left alone", message.value)
+
+    def unusable_devices(self) -> list[str]:
+        """See ``RobotHooks``: drives in fault."""
+        return [drive.explain_off() for drive in self.members.values() if drive.fault.sensed]
 
     def on_device_state(self, message: m.DeviceState) -> None:
         """Show, log and emit the loss and the return of a drive."""

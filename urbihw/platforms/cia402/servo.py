@@ -14,7 +14,7 @@ from functools import partial
 from urbihw.buses import messages as m
 from urbihw.buses.can import cia402 as c
 from urbihw.buses.can.drive import DriveInfo
-from urbihw.buses.can.emergencies import emergency_text
+from urbihw.buses.can.emergencies import advised, emergency_text
 from urbihw.buses.messages import Reply
 from urbihw.kernel.uobject import (
     Effector,
@@ -73,6 +73,9 @@ class ServoDrive(EffectorDevice):
     homed = event()
     lost = event()
     back = event()
+
+    fault_changed: Callable[[], None] = staticmethod(lambda: None)
+    """Called when ``fault`` has changed; set by the robot."""
 
     def init(self, channel: DeviceChannel, info: DriveInfo, refused: Refused, motion: Motion) -> None:
         """Show the drive that ``info`` describes; ``motion`` decides who may move it."""
@@ -165,6 +168,8 @@ class ServoDrive(EffectorDevice):
         """Return why a write does not move the drive, "" if it does."""
         if self.state.sensed != "ok" or self.driveState.sensed == c.ENABLED:
             return ""
+        if self.fault.sensed:
+            return f"drive {self.number} is in fault: {advised(self.fault.sensed, self.number)}"
         return f"drive {self.number} is off ({self.driveState.sensed}): switch it on with load = 1"
 
     def _switch_power(self) -> None:
@@ -260,6 +265,7 @@ class ServoDrive(EffectorDevice):
             return
         fresh = not self.fault.sensed
         self.fault.sense(words)
+        self.fault_changed()
         if words and fresh:
             self.log.warning("drive %d: %s", self.number, words)
             self.faulted.emit(words)
@@ -278,6 +284,10 @@ class ServoDrive(EffectorDevice):
         if state == "lost":
             self.stale.sense(True)
             self.load.sense(0.0)
+            # Nobody knows how fast it turns now; the last place stays, as a stale one.
+            self._raw = {}
+            self.speed.sense(math.nan)
+            self.torque.sense(math.nan)
             self.lost.emit(reason)
         elif state == "back":
             self.back.emit()

@@ -23,6 +23,7 @@ from typing import Any, Final
 
 from urbihw.buses.driver import Driver, no_stop
 from urbihw.buses.errors import BadFrame, BadValue, LinkGone
+from urbihw.buses.halfpacket import HalfPacket
 from urbihw.buses.link import Link, Port, byte_link
 from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, Request, Samples, Targets, Watch
 from urbihw.buses.readings import ALARM, Quantity, Reading
@@ -38,6 +39,8 @@ PULSE_PERIOD_S: Final = 0.5
 """Seconds without a command after which a PULSE keeps the controller's watchdog (2 s) quiet, as ARIA does."""
 STOP_TIMEOUT_S: Final = 0.5
 """Seconds without a packet after which a robot that drives is stopped: five of its reports."""
+HALF_PACKET_S: Final = 0.3
+"""Seconds in which a packet must be complete: the longest has some 200 bytes, 0.22 s at 9600 baud."""
 SILENCE_TIMEOUT_S: Final = 2.0
 """Seconds without a packet after which the connection counts as lost."""
 SEND_PERIOD_S: Final = 0.004
@@ -60,7 +63,7 @@ class ArcosDriver(Driver):
 
     def __init__(self) -> None:
         self._link: Link | None = None
-        self._framer = ArcosFramer()
+        self._framer, self._half = ArcosFramer(), HalfPacket(HALF_PACKET_S)
         self._odometer = sip.Odometer()
         self._sim_laser = packets.SimLaser()
         self._options = P3dxOptions()
@@ -86,7 +89,7 @@ class ArcosDriver(Driver):
     def attach(self, port: Port) -> list[FromWorker]:
         """Connect to the controller.  Raises Unavailable, BadUrl, LinkGone."""
         link = byte_link(port)
-        self._framer = ArcosFramer()
+        self._framer, self._half = ArcosFramer(), HalfPacket(HALF_PACKET_S)
         info = ArcosHandshake(link, self._framer).connect(self._options.host_baud)
         self._link = link
         self.identity = str(info.config["serial"])
@@ -122,8 +125,11 @@ class ArcosDriver(Driver):
         return found and found._replace(low=self._low_battery)
 
     def errors(self) -> dict[str, int]:
-        """Return the number of damaged packets, and of intact ones with invalid content."""
-        return {"damaged": self._framer.damaged, "unreadable": self._unreadable}
+        """Return the number of damaged packets, of intact ones with invalid content, and of those that were not
+        complete in time.
+        """
+        return {"damaged": self._framer.damaged, "unreadable": self._unreadable,
+                "incomplete": self._half.dropped}  # fmt: skip
 
     # ---------------------------------------------------------------- one tick
 
@@ -134,9 +140,12 @@ class ArcosDriver(Driver):
             return []
         news: list[FromWorker] = []
         data = link.read(4096, now)
+        bodies = self._framer.feed(data) if data else []
+        if self._half.is_overdue(len(bodies), self._framer.held, now):
+            self._framer.reset()
         if data:
             values: Values = {}
-            for body in self._framer.feed(data):
+            for body in bodies:
                 # Only a whole packet proves that the robot is alive; single bytes may be noise.
                 self._heard_at = now
                 self._handle_packet(body, values)

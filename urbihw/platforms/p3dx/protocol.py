@@ -71,6 +71,11 @@ class ArcosFramer:
         self.damaged = 0
         self._buffer = bytearray()
 
+    @property
+    def held(self) -> int:
+        """The number of bytes of a packet that is not complete."""
+        return len(self._buffer)
+
     def feed(self, data: bytes) -> list[bytes]:
         """Process received bytes; return the bodies that are complete."""
         buffer = self._buffer
@@ -100,7 +105,7 @@ class ArcosFramer:
         return bodies
 
     def reset(self) -> None:
-        """Drop all buffered bytes, as after a new connection."""
+        """Drop all buffered bytes, as after a new connection, and when a packet is not complete in time."""
         self._buffer.clear()
 
     def _skip(self) -> None:

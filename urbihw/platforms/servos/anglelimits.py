@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from urbihw.buses.servos import units
+from urbihw.buses.servos.alarms import NO_TORQUE_LIMIT, advised
 from urbihw.buses.servos.item import Mode
 from urbihw.buses.servos.status import state_words
 from urbihw.buses.servos.stop import PRESENT_POSITION
@@ -31,12 +32,14 @@ class AngleLimitServo(ServoMotor):
         """The motor is on with torque enable 1 and a torque limit other than 0, to which an alarm sets it."""
         on = self.raw.get("torque_enable") == 1 and self.raw.get("torque_limit") != 0
         self.load.sense(float(on), stamp)
+        self.update_state()
 
     def explain_alarm(self) -> str:
         """Return the advice for a torque limit of 0, which an alarm has set."""
         if self.raw.get("torque_limit") != 0:
             return ""
-        return f"motor {self.number} gives no torque since an alarm: switch it on with load = 1"
+        words = self.alarm.sensed or NO_TORQUE_LIMIT
+        return f"motor {self.number} gives no torque: {advised(words, f'motor{self.number}.load = 1')}"
 
     def restorable_settings(self) -> dict[str, int]:
         """Leave the speed out for a wheel: the speed that was set for a joint would drive it."""

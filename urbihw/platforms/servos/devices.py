@@ -62,6 +62,11 @@ class ServoBusDevice(UObject):
     """Registers that are read but are no slots, and the seconds between readings."""
     log: DeviceLog
     """Set by the robot."""
+    state_changed: Callable[[], None] = staticmethod(lambda: None)
+    """Called when ``state`` has changed; set by the robot."""
+    _told = "ok", ""
+    _contact = "ok"
+    """What the worker tells of its answers: ok, suspect, lost or back."""
 
     def init(self, channel: DeviceChannel, info: DeviceInfo, refused: Refused) -> None:
         """Make the slots of the device that ``info`` describes, and start reading it."""
@@ -302,7 +307,8 @@ class ServoBusDevice(UObject):
 
     def changed_state(self, new: str, reason: str) -> None:
         """The worker reports the device as ok, suspect, lost or back."""
-        self.state.sense(new)
+        self._contact = new
+        self.update_state()
         if new == "lost":
             self.stale.sense(True)
             self.lost.emit(reason)
@@ -332,3 +338,17 @@ class ServoBusDevice(UObject):
         if words and words != self.alarm.sensed:
             self.log.warning("%s %d: %s", self.kind_of_device, self.number, words)
         self.alarm.sense(words)
+        self.update_state()
+
+    def explain_alarm(self) -> str:
+        """Return why an alarm keeps it from doing what it is told, and what helps; "" if none does; override."""
+        return ""
+
+    def update_state(self) -> None:
+        """Show in ``state`` whether the device answers, and whether an alarm keeps it from doing what it is told."""
+        alarm = self.explain_alarm() if self._contact in ("ok", "back") else ""
+        told = "alarm" if alarm else self._contact, alarm
+        if told != self._told:
+            self._told = told
+            self.state.sense(told[0])
+            self.state_changed()

@@ -12,6 +12,7 @@ from typing import Final
 
 from urbihw.buses.messages import Reply
 from urbihw.buses.servos import units
+from urbihw.buses.servos.alarms import advised
 from urbihw.buses.servos.device import DeviceInfo
 from urbihw.buses.servos.item import Mode
 from urbihw.buses.servos.item import ShaftMotion as ModeMotion
@@ -54,6 +55,7 @@ class ModeServo(ServoMotor):
     def prepare(self) -> None:
         """Watch the hardware error register, and bind the slots of the efforts; the torque limit is unsigned."""
         super().prepare()
+        self._state = 0
         self.on_change("hardware_error", self._show_hardware_error)
         limit = self.variables.get("torqueLimit")
         if limit is not None:
@@ -224,19 +226,26 @@ class ModeServo(ServoMotor):
     # ---------------------------------------------------------------- alarms
 
     def explain_error(self, error: str) -> str:
-        """Add the advice for EEPROM registers, which can only be written while the torque is off."""
+        """Add the advice after an alarm, and for EEPROM registers, which are only written while the torque is off."""
+        alarm = self.explain_alarm()
+        if alarm:
+            return alarm
         if "access" in error and self.raw.get("torque_enable"):
             return f"{error}; switch the motor off first: motor{self.number}.load = 0"
         return error
 
     def explain_alarm(self) -> str:
-        """Return the advice after an alarm: only a restart brings the torque back."""
-        if not self.raw.get("hardware_error"):
+        """Return the advice after an alarm: only a restart brings the torque back, of a Feetech servo a new write."""
+        words = self.alarm.sensed
+        if self.raw.get("hardware_error"):
+            return f"motor {self.number} gives no torque: {advised(words, f'motor{self.number}.reboot')}"
+        if not self._state & self.raw.get("shutdown", self._state) or "hardware_error" in self.table.items:
             return ""
-        return f"motor {self.number} gives no torque since an alarm ({self.alarm.sensed}): motor{self.number}.reboot"
+        return f"motor {self.number} gives little or no torque: {advised(words, f'motor{self.number}.load = 1')}"
 
     def on_state_bits(self, raw: int, stamp: float) -> None:
         """Servos without a register of hardware errors tell in each answer what is wrong."""
+        self._state = raw
         if "hardware_error" not in self.table.items:
             self.show_alarm(state_words(raw, self.protocol))
 
@@ -259,4 +268,4 @@ class ModeServo(ServoMotor):
         handle = self.set_timer(_REBOOT_S, started)
 
     def _show_hardware_error(self, raw: int, stamp: float) -> None:
-        self.show_alarm(", ".join(words for bit, words in self.table.hardware_errors.items() if raw >> bit & 1))
+        self.show_alarm(self.table.error_words(raw))

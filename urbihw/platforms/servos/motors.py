@@ -154,13 +154,11 @@ class ServoMotor(Joint, EffectorDevice):
 
     def explain_off(self) -> str:
         """Return why a write does not move it, "" if it does; while it is being switched on, writes are deferred."""
-        if self._off:
-            return f"motor {self.number} is off: switch it on with load = 1"
-        return "" if self.switching else self.explain_alarm()
-
-    def explain_alarm(self) -> str:
-        """Return why an alarm leaves it without torque, and what to do; "" without an alarm; override."""
-        return ""
+        # Behind an alarm the advice to switch it on would not help.
+        alarm = self.explain_alarm()
+        if alarm and not self.switching:
+            return alarm
+        return f"motor {self.number} is off: switch it on with load = 1" if self._off else ""
 
     def _enable_torque(self, origin: Origin) -> None:
         """Switch the torque on with a goal: an AX servo does that by itself, others do not."""

@@ -93,6 +93,12 @@ class Devices(UObject):
         return not self.members
 
 
+def _conflict_text(number: int) -> str:
+    """What several devices with one id are, and what helps."""
+    return (f"several devices answer to id {number}: leave one on the bus, stop the daemon, and give it another id "
+            "with urbihw servo set-id")
+
+
 class ServoRobot(MotionRobot):
     """A robot on one servo bus.
 
@@ -125,6 +131,7 @@ class ServoRobot(MotionRobot):
         self._missing: dict[int, None] = {}
         self._new: list[ServoBusDevice] = []
         self._is_built = False
+        self._conflicts: tuple[int, ...] = ()
         self._named: dict[int, tuple[str, DeviceSettings]] = {}
         self._calibrated: dict[int, tuple[str, JointCalibration]] = {}
 
@@ -344,6 +351,10 @@ class ServoRobot(MotionRobot):
             self.found.emit(device)
 
     def _explain_conflicts(self, ids: tuple[int, ...]) -> str:
+        for number in {*self._conflicts, *ids}:
+            self.send_message(m.Unusable(number, _conflict_text(number) if number in ids else ""))
+        self._conflicts = ids
+        self.show_problems()
         if not ids:
             return ""
         numbers = " and ".join(map(str, ids))
@@ -372,7 +383,7 @@ class ServoRobot(MotionRobot):
         joint = (self.motion, self._frame_of(info)) if issubclass(made, ServoMotor) else ()
         name = f"{made.kind_of_device}{info.id}"
         device = self.host.create(made, name, self.channel, info, self._report_refused, *joint)
-        device.log = self.log
+        device.log, device.state_changed = self.log, self.show_problems
         if isinstance(device, RegisterDevice):
             device.motion = self.motion
         if isinstance(device, ServoMotor):
@@ -417,9 +428,11 @@ class ServoRobot(MotionRobot):
         self.show_problems()
 
     def unusable_devices(self) -> list[str]:
-        """See ``RobotHooks``: another model under the id of a device."""
-        return [f"{self.devices[number].kind_of_device} {number}: {reason}"
-                for number, reason in self.channel.blocked.items() if number in self.devices]
+        """See ``RobotHooks``: another model under the id of a device, several devices of one id, alarms."""
+        blocked = [f"{self.devices[number].kind_of_device} {number}: {reason}"
+                   for number, reason in self.channel.blocked.items() if number in self.devices]
+        alarms = [device.explain_alarm() for device in self.devices.values() if device.state.sensed == "alarm"]
+        return [*blocked, *(_conflict_text(number) for number in self._conflicts), *alarms]
 
     def on_refused(self, message: m.Refused) -> None:
         """Log a refusal; not that another model under a known id lacks registers, since that is reported already."""

@@ -23,6 +23,7 @@ from typing import Any, Final
 
 from urbihw.buses.driver import Driver, no_stop
 from urbihw.buses.errors import BadFrame, BadValue, LinkGone
+from urbihw.buses.halfpacket import HalfPacket
 from urbihw.buses.link import Link, Port, byte_link
 from urbihw.buses.messages import (
     Configure,
@@ -67,6 +68,7 @@ class SpykeeDriver(Driver):
     def __init__(self) -> None:
         self._link: Link | None = None
         self._framer = p.SpykeeFramer()
+        self._half = HalfPacket()
         self._options = SpykeeOptions()
         self._tracks = TrackSpeeds()
         self._searching = self._docked = False
@@ -98,6 +100,7 @@ class SpykeeDriver(Driver):
         self._sound.reset()
         self._searching = False
         self._frames_dropped = self._unreadable = 0
+        self._half = HalfPacket()
         info, self._early = log_in(link, self._framer, self._options.user, self._options.password)
         self._link = link
         self.identity = info.uid
@@ -125,8 +128,11 @@ class SpykeeDriver(Driver):
         return Reading("charge", abs(raw) / 100) if (device, item) == (POWER, "level") else None
 
     def errors(self) -> dict[str, int]:
-        """Count pictures that were skipped because a newer one had come, and packets that could not be read."""
-        return {"skipped": self._frames_dropped, "unreadable": self._unreadable}
+        """Count pictures that were skipped because a newer one had come, packets that could not be read, and those that
+        were not complete in time.
+        """
+        return {"skipped": self._frames_dropped, "unreadable": self._unreadable,
+                "incomplete": self._half.dropped}  # fmt: skip
 
     # ---------------------------------------------------------------- one tick
 
@@ -138,8 +144,7 @@ class SpykeeDriver(Driver):
             return news
         values: dict[Any, dict[str, Any]] = {}
         data = link.read(_READ_BYTES, now)
-        if data or self._early:
-            news += self._read_packets(data, values, link)
+        news += self._read_packets(data, values, link)
         move = self._tracks.next_packet(now)
         if move is not None:
             link.write(move)
@@ -174,6 +179,8 @@ class SpykeeDriver(Driver):
         except BadFrame as error:
             raise LinkGone(f"{link.url.text}: {error}; connecting again") from error
         self._early = []
+        if self._half.is_overdue(len(packets), self._framer.held, link.clock.now()):
+            self._framer.reset()
         for kind, payload in packets:
             if kind == p.VIDEO:
                 camera = values.setdefault(CAMERA, {})

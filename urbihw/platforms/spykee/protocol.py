@@ -140,6 +140,15 @@ class SpykeeFramer:
     def __init__(self) -> None:
         self._buffer = bytearray()
 
+    @property
+    def held(self) -> int:
+        """The number of bytes of a packet that is not complete."""
+        return len(self._buffer)
+
+    def reset(self) -> None:
+        """Drop the beginning of a packet."""
+        self._buffer.clear()
+
     def feed(self, data: bytes) -> list[tuple[int, bytes]]:
         """The packets, as (type, payload), that are complete with these bytes.
 
