@@ -357,7 +357,7 @@ def test_damage_is_counted_and_costs_one_packet() -> None:
     kit.robot.faults.start("checksum", times=2)
     sips = [message for message in bench.run(1.0) if isinstance(message, Samples)]
     assert len(sips) == 8
-    assert bench.driver.errors() == {"damaged": 2, "unreadable": 0}
+    assert bench.driver.errors() == {"damaged": 2, "unreadable": 0, "incomplete": 0}
 
 
 def test_positions_are_counted_on_over_a_new_connection() -> None:
