@@ -72,6 +72,11 @@ class GuardedRobot(RobotHooks):
         """
         self.halt_all(self.motion.asked())
 
+    @function
+    def rearm(self) -> None:
+        """Let programs that began before the release of an emergency stop move the robot again, if they still run."""
+        self.motion.rearm()
+
     @function("checkMotion")
     def check_motion(self) -> None:
         """Raise an error if the running statement began before the last stop."""
@@ -98,7 +103,8 @@ class GuardedRobot(RobotHooks):
             self.motion.latched = who
             self.send_message(m.EmergencyStop(who))
         else:
-            self.motion.latched = ""
+            self.motion.release()
+            self.motion.order_anew()
             self.send_message(m.Release(who))
         self.estop.sense(self.estop.value)
 
@@ -220,7 +226,10 @@ class GuardedRobot(RobotHooks):
         self.stopped.emit(message.reason)
 
     def _handle_latched(self, message: m.Latched) -> None:
-        self.motion.latched = message.reason
+        if message.reason:
+            self.motion.latched = message.reason
+        else:
+            self.motion.release()
         self.estop.sense(bool(message.reason))
         if message.reason:
             text = "emergency stop by %s: nothing moves until it is released"

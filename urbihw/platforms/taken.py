@@ -38,14 +38,14 @@ maybeLoad methodToFunction min minVoltage missing mode model modelName modules m
 motionPages motionPlayer motions motorTable motors moving name nameOf named nan ndebug new nextPose nil numbered
 obstacleCenter obstacleLeft obstacleRight obstacleThreshold obstacleThresholdDefault off on pGain pages parent part
 partNames period persist pi places planMotion play playMelody playing pose poseNames poses print problems
-programName properties protos punch random rate readRegister reboot redefinitionMode refuseGroup refuseName refused
-registers rejoin released remocon remoconReceived removeLocalSlot removeProperty removeProto removeSlot requested
-resetLibrary returnDelay robot round rtpOpen savePose savePoseFile scan scopeTag searchFile searchPath sensorTable
-sensors serial setConstSlot setProperty setProtos setSlot setenv share shareLink shiftedTime shutdown sign sin sleep
-slotNames slotTable soundTime soundVolume soundVolumeMax spawn speed sqr sqrt srandom stale state statistics
-statusReturnLevel step stop stopJob stopped stops storeNames syncGet system tan teach teaching tellJointsOff
-tellRegister temperature temperatureLimit time timeReference torque torqueLimit tree treeKey treeText true trunc
-turn type uid unacceptVoid unnotify unsetenv uobjects uobjects_handle updateSlot url uvalueSerialize val
+programName properties protos punch random rate readRegister rearm reboot redefinitionMode refuseGroup refuseName
+refused registers rejoin released remocon remoconReceived removeLocalSlot removeProperty removeProto removeSlot
+requested resetLibrary returnDelay robot round rtpOpen savePose savePoseFile scan scopeTag searchFile searchPath
+sensorTable sensors serial setConstSlot setProperty setProtos setSlot setenv share shareLink shiftedTime shutdown
+sign sin sleep slotNames slotTable soundTime soundVolume soundVolumeMax spawn speed sqr sqrt srandom stale state
+statistics statusReturnLevel step stop stopJob stopped stops storeNames syncGet system tan teach teaching
+tellJointsOff tellRegister temperature temperatureLimit time timeReference torque torqueLimit tree treeKey treeText
+true trunc turn type uid unacceptVoid unnotify unsetenv uobjects uobjects_handle updateSlot url uvalueSerialize val
 velocityIGain velocityPGain version void voltage wall warn wheel why writeRegister
 """
 TAKEN: Final = frozenset(_TEXT.split())

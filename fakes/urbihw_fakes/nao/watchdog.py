@@ -47,8 +47,8 @@ class Watchdog(Service):
             raise UnknownRequest(f"{path}: there is no such program")
         program = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(program)
-        self._watchdog = program.Watchdog(Proxy(motion), lambda name: Proxy(find_service(name)))
-        self._service = program.Service(self._watchdog)
+        self._watchdog = program.NaoWatchdog(Proxy(motion), lambda name: Proxy(find_service(name)))
+        self._service = program.WatchdogService(self._watchdog)
         self._now = 0.0
 
     def is_active(self) -> bool:

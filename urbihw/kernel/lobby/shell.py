@@ -316,7 +316,7 @@ class Shell:
     def _foreground(self, statement: Statement) -> None:
         lobby = self._lobby
         self._job.name = self.next_name()
-        self._job.renew()
+        self._job.begin_statement()
         scope = lobby.tag.open()
         try:
             scope.enter()
@@ -357,6 +357,7 @@ class Shell:
                 scope.exit()
 
         job = self._scheduler.spawn(run, self.next_name(), context=lobby)
+        job.begin_statement()
         self._scheduler.start_now(job)
 
 

@@ -84,7 +84,7 @@ class AtExpression(Handlers):
         if self._timer is not None:
             self._timer.cancel()
         if self._on and self._leave is not None:
-            self.world.scheduler.spawn(self._leave, self.name, context=self._context)
+            self.spawn_last(self._leave)
 
 
 class SyncAtExpression(Synchronous, AtExpression):

@@ -192,13 +192,14 @@ def wait_for(world: World, job: Job) -> None:
 class Handlers:
     """Runs handler jobs for an ``at`` or the like, in the context and under the tags of the job that set it up."""
 
-    __slots__ = ("__weakref__", "_context", "_entries", "live", "name", "world")
+    __slots__ = ("__weakref__", "_context", "_entries", "_ordered", "live", "name", "world")
 
     def __init__(self, world: World, name: str) -> None:
         maker = world.scheduler.running()
         self.world = world
         self.name = name
         self._context = maker.context
+        self._ordered = maker.ordered
         self._entries: list[TagEntry] = list(maker.entries)
         self.live = True
         for entry in self._entries:
@@ -223,8 +224,15 @@ class Handlers:
                 raise
             self.fail(error)
         else:
+            # What a client triggers is ordered by both; what a device triggers, only by the client that set it up.
+            trigger = scheduler.current
+            made.ordered = max(self._ordered, 0 if trigger is None else trigger.ordered)
             if jobs is not None:
                 jobs.append(made)
+
+    def spawn_last(self, body: Callable[[], Any]) -> None:
+        """Make a job without the tags, one of which was stopped: the ``onleave`` at the end of this."""
+        self.world.scheduler.spawn(body, self.name, context=self._context).ordered = self._ordered
 
     def fail(self, error: Exception) -> None:
         """Report an error of a condition or a guard to its connection; the job that evaluated it goes on."""
@@ -333,7 +341,7 @@ class Subscription(Handlers):
         for match in self._on.values():
             body = None if self._leave is None else self._leave(match)
             if body is not None:
-                self.world.scheduler.spawn(body, self.name, context=self._context)
+                self.spawn_last(body)
         self._on.clear()
 
 
@@ -357,7 +365,7 @@ class Synchronous(Handlers):
             return
         if current.charged_context is self._context:
             # It is a part of the waiting statement: a stop of the robot during the wait counts for it, too.
-            made[0].epoch = current.epoch
+            made[0].descend(current)
             self.world.scheduler.run_first(made[0])
             wait_for(self.world, made[0])
 

@@ -30,6 +30,9 @@ class Job:
     ``context`` belongs to the layer above (the runtime stores the lobby there); jobs made by this job inherit it.
     ``epoch`` is the value of ``Scheduler.epoch`` when the job's statement began.  Jobs made by this job inherit it, so
     that all jobs of one statement have the same epoch.
+
+    ``ordered`` is the value of ``Scheduler.epoch`` when somebody ordered this: the statement of a client, with all that
+    it has set up, also handlers that run later; 0 where no client is behind it.  It stays when ``epoch`` is renewed.
     """
 
     __slots__ = (
@@ -49,6 +52,7 @@ class Job:
         "name",
         "movement",
         "on_end",
+        "ordered",
         "charged_context",
         "pending",
         "result",
@@ -78,6 +82,7 @@ class Job:
         self.wake_left = 0.0
         self.entries: list[TagEntry] = []
         self.epoch = scheduler.epoch
+        self.ordered = 0
         self.frozen = False
         self.frozen_at = 0.0
         self.held = False
@@ -167,8 +172,17 @@ class Job:
         else:
             self.on_end.append(action)
 
+    def begin_statement(self) -> None:
+        """A new statement of a client begins in this job."""
+        self.renew()
+        self.ordered = self.scheduler.epoch
+
+    def descend(self, maker: Job) -> None:
+        """This job belongs to the statement of another one, though it does not have its tags."""
+        self.epoch, self.ordered = maker.epoch, maker.ordered
+
     def renew(self) -> None:
-        """A new statement begins in this job: give the job, and the jobs that wait for it, the present epoch."""
+        """Let the statement of this job count as new: this job, and those that wait for it, get the present epoch."""
         job: Job | None = self
         while job is not None and job.epoch != self.scheduler.epoch:
             job.epoch = self.scheduler.epoch

@@ -120,7 +120,7 @@ class Scheduler:
         made = Job(self, body, name, context)
         if parent is not None:
             made.shift = parent.shift
-            made.epoch = parent.epoch
+            made.descend(parent)
         self.jobs[made] = None
         for entry in entries:
             made.entries.append(entry)

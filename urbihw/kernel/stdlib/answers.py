@@ -81,7 +81,7 @@ def answer_begun(world: World, this: Value, channel: str, statement: Value) -> N
 
     maker = world.scheduler.running()
     job = world.scheduler.spawn(run, lobby.shell.next_name(), maker.context, entries=maker.entries)
-    job.epoch = maker.epoch
+    job.descend(maker)
     world.scheduler.run_first(job)
     answered = True
     _send(world, this, channel, errors_before[0] if errors_before else '["", nil]')

@@ -188,7 +188,7 @@ def starter(world: World) -> Callable[[Callable[[], Any], bool], JobObject]:
         entries: Iterable[Any] = () if clear else maker.entries
         name = maker.context.shell.next_name() if maker.context is not None else maker.name
         made = world.scheduler.spawn(body, name, context=maker.context, entries=entries)
-        made.epoch = maker.epoch
+        made.descend(maker)
         world.scheduler.prefer(made)
         value = job_value(world, made)
         value.origin = later_stack()

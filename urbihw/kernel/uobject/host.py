@@ -267,7 +267,7 @@ class Host:
             else:
                 done("")
 
-        self.world.scheduler.spawn(body, file)
+        self.world.scheduler.spawn(body, file).begin_statement()
 
     def send(self, text: str, source: str) -> None:
         """Run urbiscript at the server, from any thread; ``source`` names the device in the log if the code fails."""
@@ -291,7 +291,8 @@ class Host:
         def run() -> None:
             if not self.observer.send(self._call_text(target, function, args)):
                 what = f"call of {target}.{function}"
-                self.world.scheduler.spawn(lambda: self.registry.guarded(body, what), function)
+                job = self.world.scheduler.spawn(lambda: self.registry.guarded(body, what), function)
+                job.begin_statement()
 
         self.registry.call(run)
 

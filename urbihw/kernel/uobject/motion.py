@@ -91,7 +91,7 @@ class Motion:
         epoch: the epoch number, as counted by the bus worker.
         stops: number of stops of any kind, including stops of parts of the robot.
         reason: reason of the last stop.
-        latched: reason of the active emergency stop, "" if there is none.
+        latched: reason of the active emergency stop, "" if there is none; ``release`` ends it.
         keep: whether a movement continues when its client has disconnected.
         held: device -> reason why it may not move at present.
         absent: device, None for all -> why writes to it do not act at present, and the lowest ``Job.epoch`` of a
@@ -115,6 +115,7 @@ class Motion:
         self.absences = 0
         self.at_rest = False
         self._mark = 0
+        self._armed_since = 0
         self._ended: dict[Hashable, tuple[int, str]] = {}
         self._moved_by: dict[Hashable, Origin] = {}
         self._movements: list[GuardedMovement] = []
@@ -152,6 +153,19 @@ class Motion:
         self.at_rest = True
         self._moved_by.clear()
 
+    def release(self) -> None:
+        """The emergency stop is over.  What was ordered until now may not move the robot any more, even if it catches
+        errors or is an ``at`` that waits: nobody expects a motion that nobody orders.
+        """
+        if self.latched:
+            self.latched = ""
+            self._world.scheduler.epoch += 1
+            self._armed_since = self._world.scheduler.epoch
+
+    def rearm(self) -> None:
+        """Let move again what was ordered before the release of an emergency stop and has not ended."""
+        self._armed_since = 0
+
     def end(self, device: Hashable, reason: str) -> None:
         """End the movements of one device: statements that began before may not move it any more."""
         self._world.scheduler.epoch += 1
@@ -164,11 +178,20 @@ class Motion:
         if job is not None:
             job.renew()
 
+    def order_anew(self) -> None:
+        """Let the running statement count as ordered now: it has released the emergency stop itself."""
+        job = self._world.scheduler.current
+        if job is not None:
+            job.begin_statement()
+
     def check(self) -> None:
         """Raise the error for a statement that began before the last stop, or before its client let go."""
         job = self._world.scheduler.current
         if job is None:
             return
+        if job.ordered < self._armed_since:
+            why = "an emergency stop was released after this program had begun: begin it again"
+            raise errors.MovementRefused(f"{self._name}: {why}, or call rearm")
         if job.epoch < self._mark:
             raise errors.MovementStopped(f"{self._name} was stopped after this statement had begun: {self.reason}")
         silence = getattr(job.context, "silence", "")

@@ -98,7 +98,7 @@ def binary_mode(world: World, connection: RemoteConnection, on: bool, tag: str) 
     while True:
         try:
             frame = input_handler.get()
-            scheduler.running().renew()
+            scheduler.running().begin_statement()
             _handle(world, connection, frame)
         except Exception as error:
             lobby.report(error)
