@@ -7,10 +7,17 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from urbihw.client.literals import checked_path
-from urbihw.web.session import WebRefusal
 
 _NONE: Any = object()
 _OWN: Final = re.compile(r"(?:^|\.)__")
+
+
+class WebRefusal(Exception):
+    """A request is refused; ``code`` is one of those of the protocol."""
+
+    def __init__(self, text: str, code: str = "bad") -> None:
+        super().__init__(text)
+        self.code = code
 
 
 def number_of(request: Mapping[str, Any], name: str, least: float, most: float, default: Any = _NONE) -> float:

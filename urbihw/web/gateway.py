@@ -12,11 +12,12 @@ from typing import Any, Final
 from aiohttp import WSCloseCode, web
 
 from urbihw.repeats import LimitedLog
+from urbihw.web.asked import WebRefusal
 from urbihw.web.connections import Handler
 from urbihw.web.pages import Pages
 from urbihw.web.pairing import Browser, Pairings
 from urbihw.web.robot import WatchedRobot
-from urbihw.web.session import WebRefusal, WebSession
+from urbihw.web.session import WebSession
 from urbihw.web.settings import WebSettings
 from urbihw.web.verbs import VERBS
 

@@ -7,9 +7,9 @@ from typing import Any, Final
 
 from urbihw.client.literals import checked_name, literal, string_literal
 from urbihw.client.subject import subject
-from urbihw.web.asked import number_of, text_of
+from urbihw.web.asked import WebRefusal, number_of, text_of
 from urbihw.web.lobby import LobbyError
-from urbihw.web.session import PANEL, WebRefusal, WebSession
+from urbihw.web.session import PANEL, WebSession
 
 MAX_TEXT: Final = 60_000
 ACTIONS: Final = ("stop", "freeze", "unfreeze")

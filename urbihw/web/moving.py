@@ -12,9 +12,9 @@ from typing import Any, Final
 from urbihw.client.driving import order_text, parse_answer
 from urbihw.client.lines import Line
 from urbihw.client.literals import literal, written_path
-from urbihw.web.asked import number_of, path_of, text_of, truth_of
+from urbihw.web.asked import WebRefusal, number_of, path_of, text_of, truth_of
 from urbihw.web.lobby import LobbyError, plain_value
-from urbihw.web.session import WebRefusal, WebSession
+from urbihw.web.session import WebSession
 from urbihw.web.tree import FREE_CALLS, PACED_CALLS, TELLING_CALLS
 
 DEAD_MAN_S: Final = 0.3

@@ -26,6 +26,7 @@ from urbihw.client.driving import PROGRAM as DRIVE_PROGRAM
 from urbihw.client.lines import Line
 from urbihw.client.literals import string_literal
 from urbihw.client.values import value_of
+from urbihw.web.asked import WebRefusal
 from urbihw.web.lobby import LobbyError, LobbyLink, utf8
 from urbihw.web.outbox import KEPT, WebOutbox
 from urbihw.web.pairing import Browser
@@ -62,14 +63,6 @@ _PROGRAM: Final = (
     files("urbihw.web").joinpath("session.u").read_text("ascii")
     + files("urbihw.client").joinpath("assistant.u").read_text("ascii")
 )
-
-
-class WebRefusal(Exception):
-    """A request is refused; ``code`` is one of those of the protocol."""
-
-    def __init__(self, text: str, code: str = "bad") -> None:
-        super().__init__(text)
-        self.code = code
 
 
 @dataclass

@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from urbihw.client.literals import literal, string_literal, written_path
-from urbihw.web.asked import number_of, path_of, paths_of
+from urbihw.web.asked import WebRefusal, number_of, path_of, paths_of
 from urbihw.web.lobby import LobbyError
-from urbihw.web.session import EVENTS, LOG, PICTURE, SAMPLES, Sub, WebRefusal, WebSession
+from urbihw.web.session import EVENTS, LOG, PICTURE, SAMPLES, Sub, WebSession
 
 MAX_SUBS: Final = 32
 MAX_SLOTS: Final = 1000

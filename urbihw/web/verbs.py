@@ -8,8 +8,9 @@ from typing import Any, Final, NamedTuple
 
 from urbihw.daemon.control_client import NoWorker
 from urbihw.web import language, moving, streams
+from urbihw.web.asked import WebRefusal
 from urbihw.web.lobby import LobbyError
-from urbihw.web.session import WebRefusal, WebSession
+from urbihw.web.session import WebSession
 
 _ALL: Final = ("view", "drive", "full")
 _DRIVING: Final = ("drive", "full")

@@ -1,14 +1,12 @@
-"""Whether a model can be loaded, tried in a process of its own: ``python -m urbihw.platforms.webots.model_check PATH``.
+"""Whether a model can be loaded, tried in a process of its own (``model_trial``).
 
 A model is a program for MuJoCo's compiler: a few lines of it can ask for more memory than there is, or for hours.  The
-worker must not hang or die of it, so a model that is not ours is first loaded here, with bounds.  The exit status is 0
-for a model that can be loaded; else the last line of the output tells why not.
+worker must not hang or die of it, so a model that is not ours is first loaded there, with bounds.
 """
 
 from __future__ import annotations
 
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -19,9 +17,8 @@ PROCESSOR_S: Final = 6
 """Seconds of processor that a model may take, MuJoCo's own start included: a busy machine does not decide."""
 TIMEOUT_S: Final = 15.0
 """Seconds that it may take by the clock: less than the silence for which the worker has leave."""
-MEMORY_SHARE: Final = 0.5
-"""Largest memory of a model, as a share of the machine's."""
 REFUSED: Final = 1
+"""The exit status of the trial for a model that cannot be loaded."""
 
 
 def reason_against(path: Path) -> str:
@@ -30,7 +27,7 @@ def reason_against(path: Path) -> str:
     path_of_modules = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
     try:
         done = subprocess.run(
-            (sys.executable, "-m", "urbihw.platforms.webots.model_check", str(path)), timeout=TIMEOUT_S, check=False,
+            (sys.executable, "-m", "urbihw.platforms.webots.model_trial", str(path)), timeout=TIMEOUT_S, check=False,
             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, encoding="utf-8",
             env={**os.environ, "PYTHONPATH": path_of_modules, "PYTHONIOENCODING": "UTF-8", "MUJOCO_GL": "disable"},
         )  # fmt: skip
@@ -48,30 +45,3 @@ def reason_against(path: Path) -> str:
 
 def _too_long(path: Path) -> str:
     return f"{path}: it takes longer than {PROCESSOR_S} s to load; make it smaller (bodies, meshes)"
-
-
-def main(arguments: list[str]) -> int:
-    """Run the process; returns the exit status."""
-    from urbihw.platforms.scene.library import NoMujoco
-    from urbihw.platforms.webots.mujoco_world import BadModel, MujocoWorld
-
-    memory = int(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") * MEMORY_SHARE)
-    resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
-    # The worker may have been killed meanwhile: nothing else would end this process.
-    resource.setrlimit(resource.RLIMIT_CPU, (PROCESSOR_S, PROCESSOR_S + 1))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    try:
-        MujocoWorld(Path(arguments[0])).close()
-    except BadModel as error:
-        print(error)
-        return REFUSED
-    except MemoryError:
-        print(f"{arguments[0]}: it needs more than half of the memory; make it smaller (bodies, meshes)")
-        return REFUSED
-    except NoMujoco:
-        return 0
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
