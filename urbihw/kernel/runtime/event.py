@@ -361,7 +361,7 @@ class Synchronous(Handlers):
         if jobs is not None:
             jobs += made
         current = self.world.scheduler.current
-        if not made or current is None or self.world.recorder.active is not None:
+        if not made or current is None or self.world.recorder.present() is not None:
             return
         if current.charged_context is self._context:
             # It is a part of the waiting statement: a stop of the robot during the wait counts for it, too.

@@ -1,6 +1,6 @@
 """Watched conditions: the slots that an ``at (expression)`` depends on, and re-evaluation when they change.
 
-While a condition is evaluated, ``Recorder.active`` is its watch, and each read (of a slot, of the content of a
+While a job evaluates a condition, ``Recorder.present`` is its watch, and each read (of a slot, of the content of a
 container, of a captured variable) reports its place to ``Recorder.read``.  The watch is then in the ``watchers`` of all
 these places; writing any of them calls ``Watch.touched``, which evaluates the condition again, at once, in the job that
 writes. Nothing is polled.
@@ -18,29 +18,67 @@ into a ``WatchedBox`` (same layout, writing notifies) only when some condition h
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.slot import SlotMeta, meta_of
 from urbihw.kernel.value import Value
 
+if TYPE_CHECKING:
+    from urbihw.kernel.sched.job import Job
+    from urbihw.kernel.sched.scheduler import Scheduler
+
 
 class Recorder:
-    """The watch whose condition is being evaluated, if any.  One per world."""
+    """The watches whose conditions are being evaluated.  One per world.
 
-    __slots__ = ("active",)
+    ``active`` has them by the job that evaluates; it is None while there are none, which is quick to test.  A condition
+    may sleep: other jobs then read slots, and evaluate conditions of their own, and neither counts for it.
+    """
 
-    def __init__(self) -> None:
-        self.active: ConditionWatch | None = None
+    __slots__ = ("_scheduler", "active")
+
+    def __init__(self, scheduler: Scheduler) -> None:
+        self._scheduler = scheduler
+        self.active: dict[Job | None, ConditionWatch] | None = None
+
+    def present(self) -> ConditionWatch | None:
+        """The watch whose condition the running job evaluates, or a job that waits for this one as its child."""
+        if self.active is None:
+            return None
+        job = self._scheduler.current
+        watch = self.active.get(job)
+        while watch is None and job is not None and job.group is not None:
+            job = job.group.owner
+            watch = self.active.get(job)
+        return watch
+
+    def begin(self, watch: ConditionWatch) -> ConditionWatch | None:
+        """The running job evaluates the condition of a watch; returns the watch that it evaluated so far."""
+        if self.active is None:
+            self.active = {}
+        outer = self.active.get(self._scheduler.current)
+        self.active[self._scheduler.current] = watch
+        return outer
+
+    def end(self, outer: ConditionWatch | None) -> None:
+        """The running job goes on with the outer condition, if there is one."""
+        assert self.active is not None
+        if outer is not None:
+            self.active[self._scheduler.current] = outer
+            return
+        del self.active[self._scheduler.current]
+        self.active = self.active or None
 
     def read(self, target: Value, name: str) -> None:
-        """The active watch depends on this slot (whether it exists or not)."""
-        if self.active is not None and isinstance(target, Obj):
-            self.active.depend(meta_of(target, name))
+        """The present watch depends on this slot (whether it exists or not)."""
+        watch = self.present()
+        if watch is not None and isinstance(target, Obj):
+            watch.depend(meta_of(target, name))
 
     def boxes(self, function: Any) -> None:
-        """The active watch depends on the variables that this Python function captured."""
-        watch = self.active
+        """The present watch depends on the variables that this Python function captured."""
+        watch = self.present()
         if watch is None:
             return
         for cell in getattr(function, "__closure__", None) or ():
@@ -138,12 +176,12 @@ class ConditionWatch:
         for place in self._places:
             place.pop(self, None)
         self._places.clear()
-        outer, self._recorder.active = self._recorder.active, self
+        outer = self._recorder.begin(self)
         try:
             self._recorder.boxes(self._condition)
             return bool(self._condition())
         finally:
-            self._recorder.active = outer
+            self._recorder.end(outer)
 
     def stop(self) -> None:
         """Stop watching, and leave all places that were read."""

@@ -48,7 +48,7 @@ class World:
 
     def __init__(self, scheduler: Scheduler) -> None:
         self.scheduler = scheduler
-        self.recorder = Recorder()
+        self.recorder = Recorder(scheduler)
         self.lookups = Lookups(self)
         self.ndebug = False
         self.hide_system = True

@@ -39,18 +39,10 @@ TEXT_SLICE_LENGTH: Final = 32 * 1024
 def give_way(world: World) -> None:
     """Give other jobs a turn if the present round has lasted long.  Raises the exception thrown into the job, such as a
     stop.
-
-    Slots read by other jobs in the meantime do not count as read by the condition of the waiting job.
     """
-    scheduler, recorder = world.scheduler, world.recorder
-    job = scheduler.current
-    if job is None or job.done:
-        return
-    watch, recorder.active = recorder.active, None
-    try:
-        scheduler.give_way(TIME_SLICE_S)
-    finally:
-        recorder.active = watch
+    job = world.scheduler.current
+    if job is not None and not job.done:
+        world.scheduler.give_way(TIME_SLICE_S)
 
 
 def in_slices(world: World, members: Sequence[T]) -> Iterable[T]:

@@ -48,18 +48,13 @@ class WorkerThread:
         self._running = False
 
     def run_work(self, work: Callable[[], T]) -> T:
-        """Do work in the thread while the running job waits; returns its value or raises its exception.
-
-        Slots read by other jobs in the meantime do not count as read by the condition of the waiting job.
-        """
-        scheduler, recorder = self._world.scheduler, self._world.recorder
+        """Do work in the thread while the running job waits; returns its value or raises its exception."""
+        scheduler = self._world.scheduler
         charged_context, request = scheduler.running().charged_context, _Request(scheduler, work)
         self._add(charged_context, request)
-        watch, recorder.active = recorder.active, None
         try:
             return request.answer.wait()
         finally:
-            recorder.active = watch
             if not request.answer.done:
                 self._cancel(charged_context, request)
 
