@@ -24,7 +24,7 @@ WORDS: Final = ("Of ", "of before", "of now", "none", "told", "hoever", "obody")
 ACCENT: Final = re.compile(
     r"(?:^|[.:;!?]\s+|\"\"\"|#\s|^\s*[-*]\s)Of (?!course\b)|\bof (?:before|now)\b"
     r"|(?<![Tt]here )\b(?:is|are|was|were)\s+none\b"
-    r"|\b(?:is|are)\s+told\b(?!\s+to\b)|\b[Ww]hoever\b|\b[Nn]obody\b",
+    r"|(?<!what it )\b(?:is|are)\s+told\b(?!\s+to\b)|\b[Ww]hoever\b|\b[Nn]obody\b",
     re.MULTILINE,
 )
 """Sentences without a subject, and words that stand for one.  "there is none" and "is told to stop" are clear."""

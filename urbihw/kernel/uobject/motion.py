@@ -155,7 +155,7 @@ class Motion:
 
     def release(self) -> None:
         """The emergency stop is over.  What was ordered until now may not move the robot any more, even if it catches
-        errors or is an ``at`` that waits: nobody expects a motion that nobody orders.
+        errors or is an ``at`` that waits: a motion without an order is not expected.
         """
         if self.latched:
             self.latched = ""

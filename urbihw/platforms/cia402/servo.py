@@ -284,7 +284,7 @@ class ServoDrive(EffectorDevice):
         if state == "lost":
             self.stale.sense(True)
             self.load.sense(0.0)
-            # Nobody knows how fast it turns now; the last place stays, as a stale one.
+            # Its present speed is unknown; the last place stays, as a stale one.
             self._raw = {}
             self.speed.sense(math.nan)
             self.torque.sense(math.nan)
