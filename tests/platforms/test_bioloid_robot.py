@@ -45,6 +45,12 @@ def test_two_with_one_id_are_left_out_and_named(caplog: pytest.LogCaptureFixture
     lab = Lab.ready(Kit(units=[Ax12(1), Ax12(3), Ax12(3)], baud=BAUD))
     assert lab.say("motors.keys;") == "[1]"
     assert [record.getMessage() for record in caplog.records if "several devices answer to id 3" in record.getMessage()]
+    lab.kit[1].powered = False
+    lab.run(1.0)
+    lab.kit[1].powered = True
+    lab.run(1.0)
+    assert "several devices answer to id 3" in lab.look("robot.problems")
+    assert [each for each in lab.findings() if "several devices answer to id 3" in each]
 
 
 def test_only_two_with_one_id_is_not_ready() -> None:

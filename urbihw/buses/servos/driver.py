@@ -79,6 +79,8 @@ class ServoDriver(Driver):
         self._cycle: Cycle | None = None
         self._patrol = StopPatrol()
         self._known: dict[int, ServoDevice] = {}
+        self._conflicts: tuple[int, ...] = ()
+        """The ids to which several devices answered in the last scan."""
         self._expected: tuple[int, ...] = ()
         self._unread: set[int] = set()
         self._urgent: Callable[[], bool] = no_stop
@@ -334,10 +336,11 @@ class ServoDriver(Driver):
     def _start_cycle(self, bus: ServoBus, outcome: ServoScan, lost: Iterable[ServoDevice]) -> list[FromWorker]:
         """Start a cycle with the devices that a scan found and those that are expected but absent."""
         absent = list(lost)
+        self._conflicts = outcome.conflicts
         cycle = Cycle(bus, [*outcome.devices, *absent], 1 / self._settings.rate, self._options.fast_read)
         self._cycle = cycle
         self._known = {device.id: device for device in (*outcome.devices, *absent) if device.is_known}
-        messages: list[FromWorker] = [self._found(outcome.devices, outcome.conflicts)]
+        messages: list[FromWorker] = [self._found(outcome.devices)]
         now = bus.clock.now()
         self._next_scan_at = now + _SCAN_PERIOD_S
         for device in absent:
@@ -375,10 +378,10 @@ class ServoDriver(Driver):
                 self.halted = f"{device.name} answers to id {device.id}, not {before.name}"
         return [self._found(changed)] if changed else []
 
-    def _found(self, devices: Iterable[ServoDevice], conflicts: tuple[int, ...] = ()) -> Found:
+    def _found(self, devices: Iterable[ServoDevice]) -> Found:
         infos = tuple(map(_info_of, devices))
         self._told |= {info.id: info for info in infos}
-        return Found(infos, conflicts)
+        return Found(infos, self._conflicts)
 
     def _scan_if_due(self, cycle: Cycle, now: float) -> list[FromWorker]:
         if now < self._next_scan_at:

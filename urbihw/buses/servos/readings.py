@@ -47,7 +47,10 @@ def reading_of(device: ServoDevice, item: str, raw: Any) -> Reading | None:
         if item == STATE_ITEM:
             return None
     elif item == STATE_ITEM:
-        return Reading(ALARM, advised(state_words(raw, device.protocol), f"motor{device.id}.load = 1"))
+        words = state_words(raw, device.protocol)
+        if table is None or not table.has_motor:
+            return Reading(ALARM, words)
+        return Reading(ALARM, advised(words, f"motor{device.id}.load = 1"))
     if table is None or item not in table.items:
         return None
     if item == "torque_limit" and table.protocol == 1 and not table.hardware_errors and device.protocol == 1:
