@@ -6,6 +6,7 @@ Changing a rule means changing ``MAY_IMPORT`` here, on purpose.
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -331,6 +332,27 @@ def test_every_folder_with_code_is_a_package() -> None:
     known = modules(ROOT)
     bare = {str(path.parent.relative_to(ROOT)) for path in known.values() if not (path.parent / "__init__.py").exists()}
     assert bare == set()
+
+
+CLIENTS = {
+    "urbihw/client/connect.py": "a lobby, with a blocking socket",
+    "urbihw/client/dial.py": "a lobby, with asyncio",
+    "urbihw/control_line.py": "the control socket of a worker",
+    "urbihw/daemon/control_client.py": "reads the socket of control_line with asyncio",
+    "urbihw/buses/tcp.py": "a robot",
+    "urbihw/kernel/stdlib/socket_channel.py": "whatever a program in urbiscript names",
+    "urbihw/kernel/server/acceptor.py": "looks whether another server has the path",
+    "urbihw/cli/reach.py": "looks whether a daemon listens",
+    "urbihw/daemon/dead_sockets.py": "looks whether a process listens",
+    "urbihw/daemon/service.py": "looks whether another daemon has the control socket",
+}
+"""The files that connect to a socket.  Each kind of server has one client, which all others use."""
+
+
+def test_each_socket_has_one_client() -> None:
+    connects = re.compile(r"unix_connection\(|create_connection\(|\.connect(?:_ex)?\((?:address|path|str\(path\))\)")
+    files = (ROOT / "urbihw").rglob("*.py")
+    assert {str(path.relative_to(ROOT)) for path in files if connects.search(path.read_text())} == {*CLIENTS}
 
 
 BROKEN = [
