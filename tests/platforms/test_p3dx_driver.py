@@ -250,7 +250,7 @@ def test_the_health_hears_of_the_button_and_of_a_battery_below_the_threshold_of_
 
     assert findings() == []
     kit.robot.press_stop_button(True)
-    assert findings() == ["robot: alarm: its STOP button is pressed"]
+    assert findings() == ["robot: alarm: its STOP button is pressed: release it, then P3dx.body.load = 1"]
     kit.robot.press_stop_button(False)
     kit.body.volts = 10.5
     assert findings() == ["robot: 10.5 V, below its limit of 11.5"]

@@ -51,7 +51,8 @@ def test_a_fault_of_a_drive_is_an_alarm() -> None:
 
 def test_the_pressed_stop_button_of_a_pioneer_is_an_alarm() -> None:
     driver = ArcosDriver()
-    assert driver.reading("robot", "flags", 0x0021) == Reading("alarm", "its STOP button is pressed")
+    pressed = "its STOP button is pressed: release it, then P3dx.body.load = 1"
+    assert driver.reading("robot", "flags", 0x0021) == Reading("alarm", pressed)
     assert driver.reading("robot", "flags", 0x001F) == Reading("alarm", "")
 
 

@@ -120,7 +120,8 @@ class ArcosDriver(Driver):
     def reading(self, device: Any, item: str, raw: Any) -> Reading | None:
         """Return the voltage beside the controller's own threshold (CONFIGpac), and the STOP button (FLAGS, bit 5)."""
         if item == "flags" and raw.__class__ is int:
-            return Reading(ALARM, "its STOP button is pressed" if raw & sip.STOP_BUTTON else "")
+            pressed = "its STOP button is pressed: release it, then P3dx.body.load = 1"
+            return Reading(ALARM, pressed if raw & sip.STOP_BUTTON else "")
         found = super().reading(device, item, raw)
         return found and found._replace(low=self._low_battery)
 
