@@ -55,7 +55,8 @@ def table(rig: Rig, events: Iterable[Event]) -> Iterator[str]:
     """The table of a robot, line by line, as it is measured."""
     yield f"### {rig.name}\n\n`{rig.go}`\n\n{HEAD}"
     for event in events:
-        yield row(rig, event, run(rig, event))
+        if event.concerns(rig):
+            yield row(rig, event, run(rig, event))
 
 
 def merge(page: str, fresh: dict[str, str]) -> str:

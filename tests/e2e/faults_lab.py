@@ -274,9 +274,13 @@ class Case:
         """Send something to the owner of the wire."""
         os.kill(self.daemon.workers[0], number)
 
-    def go(self, rough: bool) -> None:
-        """Set it moving, by a client that can be killed if that is wanted."""
-        if rough:
+    def go(self, rough: bool, other: bool = False) -> None:
+        """Set it moving, by a client that can be killed if that is wanted, or by another master."""
+        if other:
+            push, device = self.rig.other, self.end.device
+            assert push is not None
+            self.end.call(lambda: push(device))
+        elif rough:
             self.rough = self.daemon.rough_client(self.rig.go)
         else:
             self.client.say(self.rig.go)
@@ -307,7 +311,7 @@ def run(rig: Rig, event: Event) -> Outcome:
     """Let something happen to a robot that moves."""
     with case_of(rig) as case:
         event.before(case)
-        case.go(event.kills_client)
+        case.go(event.kills_client, event.by_other)
         watcher = case.watcher
         begin = time.monotonic()
         event.do(case)
@@ -331,12 +335,20 @@ def run(rig: Rig, event: Event) -> Outcome:
 
 @dataclass(frozen=True)
 class Event:
-    """What may happen: ``do`` comes back when it is over; ``before`` is done to the robot that stands."""
+    """What may happen: ``do`` comes back when it is over; ``before`` is done to the robot that stands.
+
+    ``by_other``: another master than the daemon has set the robot moving.
+    """
 
     name: str
     do: Callable[[Case], None]
     kills_client: bool = False
     before: Callable[[Case], None] = lambda case: None
+    by_other: bool = False
+
+    def concerns(self, rig: Rig) -> bool:
+        """Whether it may happen to a robot."""
+        return rig.other is not None or not self.by_other
 
 
 def _kill_client(case: Case) -> None:
@@ -401,6 +413,8 @@ def _estop(case: Case) -> None:
 EVENTS = (
     Event("`robot.stop` by another client", _stop),
     Event("emergency stop by the control socket", _estop),
+    Event("motion begun by another master, `robot.stop`", _stop, by_other=True),
+    Event("motion begun by another master, emergency stop", _estop, by_other=True),
     Event("client killed", _kill_client, kills_client=True),
     Event("worker killed", _kill_worker),
     Event("two deaths of the worker within 10 s", _kill_worker, before=_lose_a_worker),

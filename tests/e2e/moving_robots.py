@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import urbihw.platforms.nao
 from urbihw_fakes.bioloid import Bioloid
@@ -43,6 +44,7 @@ class Rig:
         prepare: what is said before, and until what holds; go: what sets it moving, faster than ``moving``.
         rest: the speed below which it stands.
         live: a movement that goes on by itself, also when the adapter is back.
+        other: how another master than the daemon moves the simulated robot, None where the daemon has the only wire.
     """
 
     name: str
@@ -55,6 +57,7 @@ class Rig:
     rest: float = 0.5
     unit: str = "deg"
     live: bool = False
+    other: Callable[[Any], None] | None = None
 
 
 def _bioloid(number: int) -> tuple[Endpoint, Look]:
@@ -137,14 +140,28 @@ def _nao_joint() -> tuple[Endpoint, Look]:
     return end, look
 
 
+def _turn_wheel(kit: Any) -> None:
+    for name, value in (("torque_enable", 1), ("moving_speed", 300)):
+        kit.servo(7).registers.put(name, value)
+
+
+def _start_program(device: Any) -> None:
+    device.robot.brick.program_power = 50
+    device.robot.brick.start_program("drive.rxe")
+
+
+def _walk(robot: Any) -> None:
+    robot.body.drive((0.1, 0.0, 0.0))
+
+
 RIGS = (
     Rig(
         "Bioloid, a wheel", "bioloid", lambda: _bioloid(7), "motor7.speed = 2;", 60,
-        prepare="motor7.cwLimit = motor7.ccwLimit = 0;", until="motor7.wheel",
+        prepare="motor7.cwLimit = motor7.ccwLimit = 0;", until="motor7.wheel", other=_turn_wheel,
     ),
     Rig("Bioloid, a joint that swings", "bioloid", lambda: _bioloid(6), "motor6.val = 0 sin:1s ampli:20deg,", 60,
         live=True),
-    Rig("NXT", "nxt", _nxt, "wheels.speed = 50;", 300),
+    Rig("NXT", "nxt", _nxt, "wheels.speed = 50;", 300, other=_start_program),
     Rig("Segway RMP", "segway", _segway, "rmp.forwardSpeed = 0.5;", 0.4, rest=0.005, unit="m"),
     Rig(
         "Pioneer 3-DX", "p3dx", _p3dx, "P3dx.body.x.speed = 0.3;", 0.25,
@@ -154,8 +171,10 @@ RIGS = (
         "CiA 402 drive", "cia402", _cia402, "drive5.speed = 6;", 300,
         prepare="drive5.load = 1;", until="drive5.load == 1",
     ),
-    Rig("Spykee", "spykee", _spykee, "trackL.val = 60 | trackR.val = 60;", 0.2, rest=0.005, unit="m"),
-    Rig("Nao, a walk", "nao", lambda: _nao_walk(False), "naoWalk.xSpeed = 0.1;", 0.08, rest=0.005, unit="m"),
+    Rig("Spykee", "spykee", _spykee, "trackL.val = 60 | trackR.val = 60;", 0.2, rest=0.005, unit="m",
+        other=lambda robot: robot.body.drive(60, 60)),
+    Rig("Nao, a walk", "nao", lambda: _nao_walk(False), "naoWalk.xSpeed = 0.1;", 0.08, rest=0.005, unit="m",
+        other=_walk),
     Rig(
         "Nao, a walk, with the watchdog on the robot", "nao", lambda: _nao_walk(True), "naoWalk.xSpeed = 0.1;", 0.08,
         rest=0.005, unit="m",
