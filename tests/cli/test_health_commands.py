@@ -61,7 +61,7 @@ def test_status_has_a_line_for_the_robot_and_one_for_each_device(add: Add, capsy
         "bioloid-54000: bad: link up, 100 of 100 Hz, wire 40%, 3 late, 900 timeouts\n"
         "  hip (6) AX-12A: ok, 0.50 rad, 11.1 V, 41 degC, alarm: overload, moved by Lobby_2 (127.0.0.1)\n"
     )
-    assert robot.heard == [{"do": "health", "who": ""}]
+    assert robot.heard == [{"do": "health"}]
 
 
 def test_the_verdict_of_a_robot_that_is_well(add: Add, capsys: Capture) -> None:
