@@ -50,6 +50,8 @@ class Job:
         "group",
         "held",
         "name",
+        "nesting",
+        "nested_members",
         "movement",
         "on_end",
         "ordered",
@@ -93,6 +95,10 @@ class Job:
         """The variable that the job moves at present by a trajectory, and the highest speed of that, in units per
         second; written by the trajectory."""
         self.face: Any = None
+        self.nesting = 0
+        """How many built-in functions that walk a nested structure are in progress, one inside the other."""
+        self.nested_members = 0
+        """The number of members that they have met so far."""
         self.charged_context = context
         """The context in whose number of jobs this job counts; it stays the same when ``context`` changes for a
         while."""

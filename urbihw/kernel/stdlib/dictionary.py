@@ -14,7 +14,7 @@ from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import Dictionary, List, String
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.members import equal, same_members
-from urbihw.kernel.stdlib.slices import in_slices, sort_in_slices
+from urbihw.kernel.stdlib.slices import NestedWalk, in_slices, sort_in_slices
 from urbihw.kernel.stdlib.tuple import pair
 from urbihw.kernel.value import Value
 
@@ -189,8 +189,9 @@ def _ordered(world: World, content: dict[str, Value]) -> list[str]:
 def as_string(world: World, this: Dictionary) -> str:
     """The dictionary as a literal."""
     now = dict(this.d)
-    keys = in_slices(world, _ordered(world, now))
-    content = ", ".join([f"{escaped(key)} => {world.printable(now[key])}" for key in keys])
+    with NestedWalk(world) as walk:
+        keys = walk.members(_ordered(world, now))
+        content = ", ".join([f"{escaped(key)} => {world.printable(now[key])}" for key in keys])
     return f"[{content or ' => '}]"
 
 
@@ -214,7 +215,8 @@ def _equal(world: World, this: Dictionary, other: Value) -> bool:
     mine, others = dict(this.d), dict(other.d)
     if not all(key in others for key in in_slices(world, list(mine))):
         return False
-    return all(equal(world, mine[key], others[key]) for key in in_slices(world, _ordered(world, mine)))
+    with NestedWalk(world) as walk:
+        return all(equal(world, mine[key], others[key]) for key in walk.members(_ordered(world, mine)))
 
 
 @TABLE.primitive("matchAgainst")

@@ -27,7 +27,7 @@ from urbihw.kernel.stdlib.members import (
     repetitions,
     same_members,
 )
-from urbihw.kernel.stdlib.slices import MAX_ATOMIC_CALLS, calls, give_way, in_slices, sort_in_slices
+from urbihw.kernel.stdlib.slices import MAX_ATOMIC_CALLS, NestedWalk, calls, give_way, in_slices, sort_in_slices
 from urbihw.kernel.value import Value
 
 __breakable__ = True
@@ -58,7 +58,8 @@ def _filled(members: list[Value]) -> list[Any]:
 @TABLE.primitive("asString", "asPrintable")
 def as_string(world: World, this: list[Value]) -> str:
     """The members' ``asPrintable`` in brackets."""
-    return "[" + ", ".join([world.printable(member) for member in in_slices(world, this)]) + "]"
+    with NestedWalk(world) as walk:
+        return "[" + ", ".join([world.printable(member) for member in walk.members(this)]) + "]"
 
 
 @TABLE.primitive("asList")
@@ -444,8 +445,9 @@ def remove_by_id(world: World, this: List, value: Value) -> Value:
 
 def _leave_out(this: List, gone: dict[int, Any]) -> None:
     """Remove members by identity, in one step: other jobs may have changed the list since the members were selected."""
-    this.l[:] = [member for member in this.l if id(member) not in gone]
-    this.touch()
+    if gone:
+        this.l[:] = [member for member in this.l if id(member) not in gone]
+        this.touch()
 
 
 @TABLE.primitive("removeFront")

@@ -15,7 +15,7 @@ from urbihw.kernel.runtime.code import Executable
 from urbihw.kernel.runtime.values import List, String
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.group import Group
-from urbihw.kernel.stdlib.slices import in_slices
+from urbihw.kernel.stdlib.slices import NestedWalk, in_slices
 from urbihw.kernel.value import Value
 
 Less = Callable[[Any, Any], bool]
@@ -40,7 +40,8 @@ def same_members(world: World, a: Sequence[Value], b: Sequence[Value]) -> bool:
     """Whether two sequences have the same size and equal members."""
     if len(a) != len(b):
         return False
-    return all(equal(world, x, y) for x, y in zip(in_slices(world, a), in_slices(world, b), strict=True))
+    with NestedWalk(world) as walk:
+        return all(equal(world, x, y) for x, y in zip(walk.members(a), in_slices(world, b), strict=True))
 
 
 def less(world: World, a: Value, b: Value) -> bool:
@@ -66,11 +67,12 @@ def comparison(world: World, this: Value, function: Value) -> Less:
 
 def less_members(world: World, a: Sequence[Value], b: Sequence[Value]) -> bool:
     """Whether a sequence comes before another one in lexicographic order."""
-    for x, y in zip(in_slices(world, a), in_slices(world, b), strict=False):
-        if bool(world.send(x, "<", y)):
-            return True
-        if not equal(world, x, y):
-            return False
+    with NestedWalk(world) as walk:
+        for x, y in zip(walk.members(a), in_slices(world, b), strict=False):
+            if bool(world.send(x, "<", y)):
+                return True
+            if not equal(world, x, y):
+                return False
     return len(a) < len(b)
 
 

@@ -57,6 +57,42 @@ def in_slices(world: World, members: Sequence[T]) -> Iterable[T]:
     return chain.from_iterable(_slices(world, now, CHECK_INTERVAL // weight if 1 <= weight <= CHECK_INTERVAL else 1))
 
 
+class NestedWalk:
+    """A part of a walk through a nested structure, such as the printing of a list that contains lists: a context
+    manager around each list.  The parts of a walk are counted together, because a list that contains itself many times
+    is small at each level.
+    """
+
+    __slots__ = ("_job", "_world")
+
+    def __init__(self, world: World) -> None:
+        self._world = world
+        self._job = world.scheduler.current
+
+    def __enter__(self) -> NestedWalk:
+        job = self._job
+        if job is not None:
+            if not job.nesting:
+                job.nested_members = 0
+            job.nesting += 1
+        return self
+
+    def __exit__(self, *failure: object) -> None:
+        if self._job is not None:
+            self._job.nesting -= 1
+
+    def members(self, members: Sequence[T]) -> Iterable[T]:
+        """The members of this part, as ``in_slices``; other jobs may run before them if the walk has met more than
+        ``MAX_ATOMIC_MEMBERS``.
+        """
+        job = self._job
+        if job is not None:
+            job.nested_members += len(members)
+            if job.nested_members > MAX_ATOMIC_MEMBERS:
+                give_way(self._world)
+        return in_slices(self._world, members)
+
+
 def calls(world: World, members: Sequence[T]) -> Iterable[T]:
     """The members at the time of the call, for calls of a function of the program with each."""
     now = members[:]

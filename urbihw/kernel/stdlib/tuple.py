@@ -13,7 +13,7 @@ from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import Tuple
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.members import index_in, less_members, same_members
-from urbihw.kernel.stdlib.slices import in_slices
+from urbihw.kernel.stdlib.slices import NestedWalk, in_slices
 from urbihw.kernel.value import Value
 
 __breakable__ = True
@@ -94,7 +94,8 @@ def init(world: World, this: Tuple, members: list[Value]) -> None:
 @TUPLE.primitive("asString", "asPrintable")
 def as_string(world: World, this: Tuple) -> str:
     """The members' ``asPrintable`` in parentheses, as a literal."""
-    content = ", ".join([world.printable(member) for member in in_slices(world, this.l)])
+    with NestedWalk(world) as walk:
+        content = ", ".join([world.printable(member) for member in walk.members(this.l)])
     return f"({content},)" if len(this.l) == 1 else f"({content})"
 
 
