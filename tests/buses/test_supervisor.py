@@ -10,6 +10,7 @@ import pytest
 
 from urbihw.buses import messages as m
 from urbihw.buses import supervisor as module
+from urbihw.buses.driver import driver_of
 from urbihw.buses.errors import LinkGone, Unavailable
 from urbihw.buses.messages import FromWorker, ToWorker
 from urbihw.buses.supervisor import FIRST_BACK_OFF_S, LAST_BACK_OFF_S, MOST_AT_ONCE, Supervisor
@@ -167,6 +168,12 @@ def test_those_that_had_reached_the_robot_are_replaced_at_once_by_spare_workers(
         rig.worker.end("it died")
         assert FakeSpare.made[-1].taken
     assert rig.pauses.waited == [0.0] * (MOST_AT_ONCE + 1) + [FIRST_BACK_OFF_S, LAST_BACK_OFF_S]
+
+
+def test_what_cannot_move_needs_no_spare_worker(rig: Rig) -> None:
+    rig.supervisor._can_move = driver_of("urbihw.navigation.lasers.scipdriver:ScipDriver").can_move
+    rig.worker.post(m.LinkState(True))
+    assert FakeSpare.made == []
 
 
 def test_a_spare_worker_ends_with_the_supervisor_and_there_is_one_at_a_time(rig: Rig) -> None:

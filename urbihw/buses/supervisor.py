@@ -20,6 +20,7 @@ from dataclasses import replace
 from typing import Any, Final
 
 from urbihw.backoff import BackOff
+from urbihw.buses.driver import driver_of
 from urbihw.buses.errors import BusError, LinkGone
 from urbihw.buses.messages import (
     Begin,
@@ -76,6 +77,7 @@ class Supervisor:
         self._back_off = BackOff(FIRST_BACK_OFF_S, LAST_BACK_OFF_S, at_once=True)
         self._stopping = threading.Event()
         self._started_at = time.monotonic()
+        self._can_move = driver_of(family).can_move
         self._reached_robot = False
         self._replaced_at_once = 0
         self._spare: SpareWorker | None = None
@@ -168,7 +170,7 @@ class Supervisor:
                 self._found = message
             case LinkState():
                 self._link_up = message.up
-                if message.up:
+                if message.up and self._can_move:
                     self._reached_robot = True
                     self._prepare_spare()
             case Stopped():

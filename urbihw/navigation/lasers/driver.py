@@ -66,6 +66,7 @@ class LaserDriver(Driver):
         damaged, unreadable: telegrams with a wrong check sum, and valid ones with a content that makes no sense.
     """
 
+    can_move = False
     silence: ClassVar[float] = 3.0
 
     def __init__(self) -> None:
