@@ -62,8 +62,8 @@ def notes(attack: Attack, outcome: Outcome) -> list[str]:
     if not attack.holds:
         if seen.busy_p99 > GOAL:
             wrong.append(f"busy above {1000 * GOAL:.0f} ms")
-    elif seen.longest_hold > LONGEST_HOLD:
-        wrong.append(f"held for more than {1000 * LONGEST_HOLD:.0f} ms")
+    elif seen.longest_hold > attack.holds * LONGEST_HOLD:
+        wrong.append(f"held for more than {1000 * attack.holds * LONGEST_HOLD:.0f} ms")
     elif sum(hold > HOLD_LIMIT for hold in seen.holds) > attack.holds:
         wrong.append(f"held until the limit more than {attack.holds} times")
     return wrong

@@ -41,7 +41,8 @@ class Attack:
         name: says what is done.
         says: what each connection sends, or what the attacker does.
         connections: how many, for bytes.
-        holds: how often it may hold the interpreter on purpose, until the limit of the server ends that.
+        holds: how often it may hold the interpreter on purpose until the limit of the server ends that, perhaps one
+            time after the other.
         reads: whether the attacker reads its answers, for bytes.
         seconds: for which the neighbour is looked at.
         spoils: errors count as answers to the neighbour: what is attacked is shared by all, and an error tells so.
@@ -614,7 +615,7 @@ ATTACKS: tuple[Attack, ...] = (
     *_programs(_HELD, holds=1),
     *_programs(_HELD_AGAIN, holds=MAX_HOLDS),
     *_programs(_HELD_MEMORY, holds=1),
-    *_programs(_HELD_OTHERS, holds=1, spoils=True),
+    *_programs(_HELD_OTHERS, holds=2, spoils=True),  # once by itself, once as the neighbour's value is printed
     *_programs(_BUILT_IN, memory=800.0),
     *_programs(_OTHERS, spoils=True),
     Attack("_exit", b"System._exit(1); _exit(1);\n", ends=True),
