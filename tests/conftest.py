@@ -11,6 +11,7 @@ import os
 from collections import Counter
 from collections.abc import Iterator
 from ctypes.util import find_library
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -21,8 +22,8 @@ from urbihw.kernel import Kernel
 from urbihw.kernel.compiler import library
 
 E2E = Path(__file__).parent / "e2e"
-SHARED_OUT = ("tests/platforms/", "tests/e2e/test_faults.py", "tests/hostile/test_attacks.py")
-"""Where cases of one file may run in several workers."""
+SHARED_OUT = ("tests/platforms/", "tests/e2e/", "tests/hostile/test_attacks.py")
+"""Where tests of one file may run in several workers, unless its fixtures are made once for the file."""
 ONE_OF = {
     "e2e/test_drive.py::test_keys_that_stop": 2,
     "e2e/test_drive.py::test_signals_that_stop": 2,
@@ -135,8 +136,14 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
         return None
     scheduling = import_module("xdist.scheduler").LoadFileScheduling(config, log)
     by_file = scheduling._split_scope
-    scheduling._split_scope = lambda nodeid: nodeid if nodeid.startswith(SHARED_OUT) else by_file(nodeid)
+    scheduling._split_scope = lambda nodeid: nodeid if is_shared_out(nodeid.partition("::")[0]) else by_file(nodeid)
     return scheduling
+
+
+@cache
+def is_shared_out(file: str) -> bool:
+    """Whether the tests of a file may run in several workers."""
+    return file.startswith(SHARED_OUT) and 'scope="module"' not in (E2E.parents[1] / file).read_text("utf-8")
 
 
 def share_library() -> None:
