@@ -20,6 +20,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.append(str(ROOT / "tests" / "e2e"))
 
+from bounds_lab import BOUND_CASES, BOUND_RIGS, measure_peak  # noqa: E402
 from faults_lab import EVENTS, Event, Outcome, run  # noqa: E402
 from moving_robots import RIGS, Rig  # noqa: E402
 
@@ -28,6 +29,7 @@ BEGIN, END = "<!-- measured -->", "<!-- /measured -->"
 EMPTY = f"# Safety\n\n{BEGIN}\n{END}\n"
 HEAD = "| What happens | stands after | moved | stays so for 3 s | the client reads |\n|---|---|---|---|---|"
 LONGEST = 140
+BOUNDS = "Servos, how fast they get"
 
 
 def row(rig: Rig, event: Event, outcome: Outcome) -> str:
@@ -44,6 +46,15 @@ def row(rig: Rig, event: Event, outcome: Outcome) -> str:
     way = f"{outcome.moved * 100:.1f} cm" if rig.unit == "m" else f"{outcome.moved:.0f} {rig.unit}"
     way = way if after != "-" else after
     return f"| {event.name} | {after} | {way} | {stays} | {reads or 'nothing'} |"
+
+
+def bounds_table() -> Iterator[str]:
+    """The table of the bodies that are bound to a speed, line by line, as it is measured."""
+    names = " | ".join(f"fastest, {rig.name}" for rig in BOUND_RIGS)
+    yield f"### {BOUNDS}\n\n| What happens | told | {names} |\n|---|---|{'---|' * len(BOUND_RIGS)}"
+    for case in BOUND_CASES:
+        peaks = " | ".join(f"{measure_peak(rig, case):.2f} rad/s" for rig in BOUND_RIGS)
+        yield f"| {case.name} | {case.told:.2f} rad/s | {peaks} |"
 
 
 def head() -> str:
@@ -67,7 +78,7 @@ def merge(page: str, fresh: dict[str, str]) -> str:
     inner, _, after = rest.partition(END)
     old = (text.strip() for text in re.split(r"^(?=### )", inner, flags=re.M)[1:])
     known = {text.splitlines()[0].removeprefix("### "): text for text in old} | fresh
-    found = "\n\n".join([head(), *(known[rig.name] for rig in RIGS if rig.name in known)])
+    found = "\n\n".join([head(), *(known[name] for name in (BOUNDS, *(rig.name for rig in RIGS)) if name in known)])
     return f"{before}{BEGIN}\n{found}\n{END}{after}"
 
 
@@ -80,20 +91,24 @@ def main() -> None:
     wanted = parser.parse_args()
     rigs = [rig for rig in RIGS if wanted.rig.lower() in rig.name.lower()]
     events = [event for event in EVENTS if wanted.event.lower() in event.name.lower()]
-    if not rigs or not events:
+    bounds = wanted.rig.lower() in BOUNDS.lower() and not wanted.event
+    if not (rigs or bounds) or not events:
         names = ", ".join(each.name for each in (RIGS if not rigs else EVENTS))
         parser.error(f"no such {'rig' if not rigs else 'event'}; there are: {names}")
     if wanted.write and wanted.event:
         parser.error("--write takes whole tables: leave --event out")
     print(head())
     fresh: dict[str, str] = {}
-    for rig in rigs:
+    tables = {rig.name: table(rig, events) for rig in rigs}
+    if bounds:
+        tables[BOUNDS] = bounds_table()
+    for name, rows in tables.items():
         lines = []
         print()
-        for line in table(rig, events):
+        for line in rows:
             print(line, flush=True)
             lines.append(line)
-        fresh[rig.name] = "\n".join(lines)
+        fresh[name] = "\n".join(lines)
     if wanted.write:
         PAGE.write_text(merge(PAGE.read_text("utf-8") if PAGE.exists() else EMPTY, fresh), "utf-8")
 

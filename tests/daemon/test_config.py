@@ -140,7 +140,8 @@ def test_a_robot_named_by_a_flag_replaces_that_of_the_file(
         ("platform = 'biolid'", "robot.toml: platform: no platform 'biolid'; did you mean bioloid?"),
         (
             "platform = 'bioloid'\n[options]\noffset = 3",
-            "robot.toml: options.offset: no such option of bioloid; there are: protocol, ids, controller, fast_read",
+            "robot.toml: options.offset: no such option of bioloid; there are: protocol, ids, controller, "
+            "fast_read, overspeed, blocked_limit, blocked_action",
         ),
         (
             "platform = 'bioloid'\n[options]\nprotocoll = 1",

@@ -147,7 +147,7 @@ def test_a_time_based_profile_takes_its_time(wire: Talk) -> None:
     wire.p2(1, "03 6C 00 C8 00 00 00 E8 03 00 00")
     wire.p2(1, _goal(3048))
     wire.now = 0.5
-    assert _seen(wire, "present_position") == pytest.approx(2548, abs=25)
+    assert _seen(wire, "present_position") == pytest.approx(2548, abs=45)
     wire.now = 0.9
     assert _seen(wire, "velocity_trajectory") != 0
     wire.now = 1.05

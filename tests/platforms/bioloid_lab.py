@@ -103,7 +103,8 @@ MOTION = Motion(
     slot="bioloid",
     unplug=lambda lab: lab.end.unplug(),
     plug=lambda lab: lab.end.replug(),
-    standstill=0.15,
+    # A joint of the X series comes to rest at the end of its lag; measured, rounded up.
+    standstill=0.3,
     grain=0.05,
     found=_found,
     kinds={

@@ -125,7 +125,7 @@ MOTION = Motion(
     unplug=lambda lab: lab.end.unplug(),
     plug=lambda lab: lab.end.replug(),
     # A worker that takes the place of another scans in both protocols.
-    standstill=0.2,
+    standstill=0.3,
     grain=0.05,
     found=_found,
     kinds={

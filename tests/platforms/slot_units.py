@@ -37,7 +37,7 @@ ON_BUS: Final[Units] = {
     "bit/s": "baudRate",
     "s": "age returnDelay",
 }
-SERVO: Final[Units] = ON_BUS | {"rad/s": "speed", "turn": "turn"}
+SERVO: Final[Units] = ON_BUS | {"rad/s": "speed", "turn": "turn", "s": "age returnDelay blockedFor"}
 ANGLES: Final = "val angle cwLimit ccwLimit requested applied "
 NUMBERS: Final = GAINS + "id model firmware load shutdown "
 AX: Final[Units] = SERVO | {

@@ -8,6 +8,8 @@ from typing import Any
 import pytest
 from chain_lab import Lab
 
+from urbihw.buses import messages as m
+from urbihw.kernel.uobject import RobotSettings
 from urbihw_fakes.dynamixel.xseries import XSeries
 from urbihw_fakes.feetech.servo import FeetechServo
 
@@ -151,3 +153,124 @@ def test_a_joint_that_gets_its_force_back_begins_where_it_is(effort: str, speed:
         assert max(lab.fastest(2.0).values()) <= (0.0 if speed is None else speed * MARGIN) + GRAIN
         tell("motor#.val = 0.5|;", 2.0)
         assert all(abs(lab.place(int(number)) - 0.5) < 0.03 for number in own)
+
+
+@pytest.mark.parametrize(
+    ("model", "entry", "data"), [("XL330-M288", 168, 208), ("XM430-W350", 168, 224), ("XM430-W350", 578, 634)]
+)
+def test_an_indirect_write_counts_as_one_of_the_register_that_it_leads_to(model: str, entry: int, data: int) -> None:
+    lab = Chain.ready(f"{model}:3")
+
+    def write(place: str, raw: int) -> str:
+        return lab.say(f'motor3.writeRegister("{place}", {raw})|;', 0.3)
+
+    assert "leads to id: write that name" in write(f"@{entry}:2", 7)
+    assert "leads to baud_rate" in write(f"@{entry + 2}:4", 8 << 16 | 300)
+    # Another program set the entry before.
+    lab.kit[3].registers.put("indirect_address_0_0" if entry == 168 else "indirect_address_1_0", 7)
+    assert "leads to id" in write(f"@{data}:1", 9)
+    assert lab.register(3, "id") == 3
+    assert write(f"@{entry}:2", data + 5) == ""
+    assert write(f"@{data}:1", 44) == ""
+
+
+def test_the_servo_itself_keeps_a_limit_of_speed() -> None:
+    """By its own register, whatever programs write: so it does when the worker is dead."""
+    lab = Chain.ready(CHAINS[0], limits={"speed": 1.0})
+    lab.run(0.1)
+    registers = {1: ("moving_speed", 0.0116239), 2: ("speed", 0.0119381), 3: ("profile_velocity", 0.0239808)}
+    writes = {1: "moving_speed", 2: "moving_speed", 3: "profile_velocity"}
+
+    def bounds() -> dict[int, float]:
+        return {number: lab.register(number, name) * unit for number, (name, unit) in registers.items()}
+
+    assert all(0.9 < speed <= 1.0 for speed in bounds().values()), bounds()
+    lab.say_all("motor#.speed = 3|;", 0.3)
+    assert all(0.9 < speed <= 1.0 for speed in bounds().values()), bounds()
+    for raw in (0, 900):
+        lab.say(" ".join(f'motor{n}.writeRegister("{name}", {raw})|;' for n, name in writes.items()), 0.3)
+        assert all(0.9 < speed <= 1.0 for speed in bounds().values()), bounds()
+    lab.say_all("motor#.speed = 0.5|;", 0.3)
+    assert all(0.4 < speed <= 0.51 for speed in bounds().values()), bounds()
+    lab.robot.configure(RobotSettings(lab.url, 1 / lab.tick, dead_man=0))
+    lab.run(0.3)
+    assert all(0.4 < speed <= 0.51 for speed in bounds().values()), bounds()
+    lab.say_all("motor#.speed = 3|;", 0.3)
+    assert all(2.9 < speed <= 3.1 for speed in bounds().values()), bounds()
+
+
+def test_limits_that_are_reloaded_act_on_what_moves_already() -> None:
+    lab = Chain.ready("AX-12:1,XL330-M288:3,AX-12:4,XL330-M288:6")
+    lab.say('motor1.mode = "wheel"; motor3.mode = "velocity"; motor4.load = motor6.load = 1;', 0.5)
+    lab.say("motor1.speed = 4|; motor3.speed = -4|; motor4.val = 2.5 speed:3, motor6.val = 2.5 speed:3,", 0.3)
+    assert min(lab.fastest(0.2).values()) > 2.5
+    lab.robot.configure(RobotSettings(lab.url, 1 / lab.tick, dead_man=0, limits={"speed": 1.0}))
+    lab.run(0.1)
+    most = lab.fastest(1.0)
+    assert all(0.8 < speed <= MARGIN + GRAIN for speed in most.values()), most
+    assert lab.number("motor1.requested") == 4.0
+    assert lab.number("motor1.applied") == pytest.approx(1.0, abs=0.02)
+    assert lab.look("motor1.limitedBy") == '"limits.speed"'
+    assert lab.number("motor3.applied") == pytest.approx(-1.0, abs=0.03)
+
+
+@pytest.mark.parametrize("go", ["motor#.val = 0.9|;", "motor#.val = 0.9 speed:0.5,"])
+@pytest.mark.parametrize("chain", CHAINS)
+def test_what_blocks_a_joint_is_told(chain: str, go: str) -> None:
+    lab = Chain.ready(chain)
+    lab.say_all("motor#.load = 1|; at (motor#.blocked?) echo(#);", 0.5)
+    lab.hold(True)
+    heard = lab.say_all(go, 0.9)
+    assert {line for line in heard.splitlines() if "***" in line} == {f"*** {n}" for n in lab.numbers}
+    for number in lab.numbers:
+        assert 0.5 < lab.number(f"motor{number}.blockedFor") < 1.0
+        assert "; blocked for 0." in lab.look(f"motor{number}.why")
+    lab.hold(False)
+    lab.run(3.0)
+    assert all(lab.number(f"motor{number}.blockedFor") == 0 for number in lab.numbers)
+    assert all("blocked" not in lab.look(f"motor{number}.why") for number in lab.numbers)
+    # One that moves, stands at its goal, or holds a weight is not blocked.
+    for body in lab.bodies():
+        body.load = -0.3
+    lab.run(2.0)
+    assert lab.say_all("motor#.val = 0.2|;", 3.0) == ""
+
+
+@pytest.mark.parametrize("action", ["stop", "relax"])
+def test_a_joint_that_is_blocked_for_long_is_stopped_or_gets_slack(action: str) -> None:
+    lab = Chain.ready("AX-12:1,XL330-M288:3", blocked_limit=1.0, blocked_action=action)
+    lab.say_all("motor#.load = 1|;", 0.5)
+    lab.hold(True)
+    heard = lab.say_all("motor#.val = 0.9 time:1min,", 2.5)
+    assert heard.count("was blocked for 1.") == 2, heard
+    lab.hold(False)
+    assert max(lab.fastest(1.0).values()) <= GRAIN
+    torque = 1 if action == "stop" else 0
+    assert [lab.register(number, "torque_enable") for number in lab.numbers] == [torque, torque]
+    lab.say_all("motor#.load = 1|; sleep(0.2s); motor#.val = 0.3|;", 2.0)
+    assert all(abs(lab.place(number) - 0.3) < 0.03 for number in lab.numbers)
+
+
+def test_a_joint_that_turns_faster_than_its_limit_is_told_and_stopped() -> None:
+    lab = Chain.ready("XL330-M288:3", limits={"speed": 0.5})
+    lab.say('motor3.load = 1|; at (motor3.overspeed?(var v)) echo("too fast");', 0.5)
+    lab.say("motor3.val = 1.5 time:1min,", 1.0)
+    (body,) = lab.bodies()
+    body.load = 1.3  # Something pushes it that is stronger than the motor.
+    heard = lab.say("", 0.3)
+    assert heard.count("*** too fast") == 1
+    assert "above limits.speed" in heard
+    body.load = 0.0
+    lab.run(4.0)
+    assert max(lab.fastest(1.0).values()) <= GRAIN
+
+
+def test_the_health_tells_what_is_blocked() -> None:
+    lab = Chain.ready("AX-12:1")
+    assert lab.worker is not None
+    health = lab.worker._engine._health
+    health.hear(m.DeviceState(1, "back", "ok", ""), lab.bus_clock.now())
+    health.hear(m.DeviceReport(1, "blocked", lab.bus_clock.now() - 2.0), lab.bus_clock.now())
+    assert lab.findings() == ["1: blocked for 2.0 s: free it, or stop it"]
+    health.hear(m.DeviceReport(1, "free", 2.0), lab.bus_clock.now())
+    assert lab.findings() == []

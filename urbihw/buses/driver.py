@@ -64,6 +64,7 @@ class Driver:
     knows_motion: bool = False
     url_parameters: frozenset[str] = frozenset()
     halted: str = ""
+    stopped_devices: Mapping[Any, str] = {}
     device_info: type | None = None
     identity: str = ""
     quantities: Mapping[str, Quantity] = {}
@@ -153,6 +154,9 @@ class Driver:
     def leaves_place(self, request: Request) -> bool:
         """Whether the device may be elsewhere than at its last target after this request: its torque was off."""
         return False
+
+    def limits_changed(self, limits: Mapping[tuple[Any, str], Limit]) -> None:
+        """Called with the limits of targets, at first and after each change."""
 
     def regains_force(self, device: Any, item: str, value: Any) -> bool:
         """Whether this target gives a joint the force back that it was without: it stays where it is then."""

@@ -34,6 +34,7 @@ from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import (
     Begin,
     Configure,
+    DeviceReport,
     DeviceState,
     EmergencyStop,
     Ended,
@@ -186,6 +187,11 @@ class Engine:
         if self._driver.halted:
             reason, self._driver.halted = self._driver.halted, ""
             self._stop_robot(reason)
+        if self._driver.stopped_devices:
+            stopped, self._driver.stopped_devices = self._driver.stopped_devices, {}
+            for device, reason in stopped.items():
+                self._stop_devices(Stop(self._authority.epoch, reason, (device,)))
+                self._reports.post([DeviceReport(device, "halted", reason)])
 
     def _check_thresholds(self, samples: Samples) -> None:
         """Execute the reactions to thresholds that these samples crossed."""

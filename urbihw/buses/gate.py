@@ -53,6 +53,7 @@ class Gate:
 
     def set_limits(self, message: Limits, now: float) -> ThresholdActions:
         """Replace all limits and thresholds; live targets and the last measured values are judged by the new ones."""
+        self._driver.limits_changed(message.table)
         reined = self.set_points.set_limits(message.table, now)
         targets, news = self._guards.set_thresholds(message.thresholds)
         # A value that an earlier threshold had changed is restored within the present limits.

@@ -15,6 +15,7 @@ from urbihw.buses.driver import Driver
 from urbihw.buses.messages import (
     Begin,
     Configure,
+    DeviceReport,
     DeviceState,
     Found,
     FromWorker,
@@ -64,6 +65,7 @@ class HealthRecord:
         self._unusable: dict[Any, str] = {}
         self._passed: dict[Any, dict[str, bool]] = {}
         self._periods: dict[Any, dict[str, float]] = {}
+        self._blocked: dict[Any, float] = {}
         self._link_reason = ""
         self._seconds: deque[Statistics] = deque(maxlen=WINDOW_S)
         self._errors: Counter[str] = Counter()
@@ -83,6 +85,10 @@ class HealthRecord:
                 for device, values in message.values.items():
                     self._values.setdefault(device, {}).update(values)
                 self._heard_at.update(message.times)
+            case DeviceReport(what="blocked"):
+                self._blocked[message.device] = message.value
+            case DeviceReport(what="free"):
+                self._blocked.pop(message.device, None)
             case Statistics():
                 self._seconds.append(message)
                 self._errors.update(message.errors)
@@ -100,6 +106,7 @@ class HealthRecord:
                 self._clear_targets(message.devices)
             case LinkState():
                 self._link_reason = message.reason
+                self._blocked.clear()
                 self._clear_targets(None)
             case Stopped():
                 self._record_stop(message, now)
@@ -233,6 +240,7 @@ class HealthRecord:
             "period": min(self._periods.get(device, {}).values(), default=None),
             "missed": self._missed[device],
             "lost": self._lost[device],
+            "blocked": round(now - self._blocked[device], 1) if device in self._blocked else 0.0,
             "alarm": _cut(str(readings[ALARM].value)) if ALARM in readings else "",
             "values": {name: _number(each.value) for name, each in readings.items() if name != ALARM},
             "units": {name: each.unit for name, each in readings.items() if name != ALARM},

@@ -142,6 +142,8 @@ def _device(row: Mapping[str, Any]) -> Iterator[Reason]:
         yield Reason(Level.WARNING, "suspect", name, f"suspect: {row.get('reason') or 'no answer'}")
     if row.get("alarm"):
         yield Reason(Level.BAD, "alarm", name, f"alarm: {row['alarm']}")
+    if blocked := number_in(row, "blocked"):
+        yield Reason(Level.WARNING, "blocked", name, f"blocked for {blocked:.1f} s: free it, or stop it")
     # A device that is not read at a period sends when it has something to say.
     is_read = _is_number(row.get("age")) and _is_number(row.get("period")) and state != "suspect"
     if is_read and number_in(row, "age") > max(MAX_AGE_S, MAX_PERIODS * number_in(row, "period")):

@@ -7,9 +7,9 @@ the range of Goal Position is +-256 turns in extended position mode, and the lim
 limit error); a fired bus watchdog stops the servo where it is, with its speed, PWM and current goals at 0, and refuses
 goals until 0 is written, and any other value of register 98; only instructions to this servo restart it, also those in
 the list of a sync or bulk instruction; an error that the Shutdown mask does not name shows in register 70 as well. Not
-covered: I and D gains and feedforward (the loop has no lasting droop at constant speed, but sags under load by its P
-gain), time-based profiles' exact shape (same duration, trapezoid), drive mode "torque on by goal update" beyond turning
-torque on, startup configuration, backup, protocol type 1, boot time.
+covered: I and D gains and feedforward (at a constant speed and under a load the horn is behind the trajectory by what
+the P gain needs), time-based profiles' exact shape (same duration, trapezoid), drive mode "torque on by goal update"
+beyond turning torque on, startup configuration, backup, protocol type 1, boot time.
 """
 
 from __future__ import annotations
@@ -320,7 +320,7 @@ class XSeries(Unit2):
         profile.toward(get("goal_position"))
         gap = sign * (profile.position - offset) - motor.position
         # Position P gain: PWM steps per position step times 128.
-        drive = gap * get("position_p") / 128 / FULL_PWM + sign * profile.velocity / motor.full_speed
+        drive = gap * get("position_p") / 128 / FULL_PWM
         return max(-limit, min(limit, drive))
 
     def _warm(self, span: float) -> None:

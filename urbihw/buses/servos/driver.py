@@ -29,11 +29,13 @@ from urbihw.buses.messages import (
     Watch,
 )
 from urbihw.buses.readings import Reading
+from urbihw.buses.servos.bodywatch import BodyWatch
 from urbihw.buses.servos.bus import ServoBus
 from urbihw.buses.servos.cycle import Cycle, Tick
 from urbihw.buses.servos.device import DeviceInfo, ServoDevice, ServoScan
 from urbihw.buses.servos.eeprom import write_register
-from urbihw.buses.servos.item import ShaftMotion, magnitude_of, number_of
+from urbihw.buses.servos.indirect import check_indirect
+from urbihw.buses.servos.item import ShaftMotion, is_place, magnitude_of, number_of
 from urbihw.buses.servos.member import FIRED, GOAL, WATCHDOG, WATCHDOG_COUNTS, Member
 from urbihw.buses.servos.options import ServoBusOptions
 from urbihw.buses.servos.plan import TORQUE
@@ -51,6 +53,7 @@ from urbihw.buses.servos.stop import (
 )
 from urbihw.buses.servos.toss import enter_toss_mode, has_toss_speed, request_toss_mode
 from urbihw.buses.servos.unheld import check_line, explain_target, explain_writes, leaves_place
+from urbihw.buses.servos.units import unit_of
 
 # Seconds between scans of a bus without devices (robot switched off?); a scan writes nothing.
 _SCAN_PERIOD_S = 3.0
@@ -78,6 +81,7 @@ class ServoDriver(Driver):
         self._options = ServoBusOptions()
         self._cycle: Cycle | None = None
         self._patrol = StopPatrol()
+        self._body = BodyWatch()
         self._known: dict[int, ServoDevice] = {}
         self._conflicts: tuple[int, ...] = ()
         """The ids to which several devices answered in the last scan."""
@@ -96,6 +100,7 @@ class ServoDriver(Driver):
         """Apply settings; the protocol and the ids take effect with the next `attach`. Raises BadSetting."""
         self._options = ServoBusOptions.of(settings.options)
         self._settings = settings
+        self._body.options = self._options
         if self._cycle is not None:
             self._cycle.period = 1 / settings.rate
             self._cycle.fast = self._options.fast_read
@@ -181,9 +186,14 @@ class ServoDriver(Driver):
             which = ", ".join(map(str, tick.fired))
             self.halted = f"servo {which} stopped by itself: it got no packet for {WATCHDOG_COUNTS * 0.02:g} s"
             _clear_watchdogs(cycle, tick.fired)
+        bodies = self._body.look(cycle.motors(), cycle.bus.clock.now())
+        self.stopped_devices = bodies.stopped
+        for number in bodies.slack:
+            _write(cycle.bus, cycle.members[number], TORQUE, 0)
         back = [number for number, change in tick.changes if change.new == "back"]
         _clear_watchdogs(cycle, [number for number in back if _has_fired(cycle.members[number].device)])
-        return self._newly_found(cycle, tick) + self._changed_devices(cycle, back) + _tick_messages(tick)
+        found = self._newly_found(cycle, tick) + self._changed_devices(cycle, back)
+        return found + _tick_messages(tick) + bodies.reports
 
     def targets(self, message: Targets) -> list[FromWorker]:
         """Set targets for the next tick; return a `Refused` for each invalid one."""
@@ -281,6 +291,10 @@ class ServoDriver(Driver):
         member = self._table_member(request.device)
         return request.verb == "reboot" or (member is not None and leaves_place(member, _steps_of(request)))
 
+    def limits_changed(self, limits: Mapping[tuple[Any, str], Limit]) -> None:
+        """Judge the speed of bodies by them."""
+        self._body.limits = limits
+
     def regains_force(self, device: Any, item: str, value: Any) -> bool:
         """A register of `EFFORTS` was 0: the joint goes on from where it is, as after torque on."""
         member = self._table_member(device)
@@ -310,14 +324,27 @@ class ServoDriver(Driver):
         return member.follower.reach(math.nan if member.place is None else member.place, now - member.place_at, pace)
 
     def signed(self, device: Any, item: str, raw: Any) -> float:
-        """The speed of an AX wheel has its direction in a bit."""
+        """The speed of an AX wheel has its direction in a bit; the speed of a joint is without a limit at 0."""
         bit = self._direction_bit(device, item)
+        if raw == 0 and bit is None and self._is_unlimited_at_zero(device, item):
+            return math.inf
         return float(raw if bit is None else number_of(raw, bit))
 
     def raw_of(self, device: Any, item: str, signed: float) -> Any:
         """Return the raw target of a signed number: the inverse of `signed`."""
         bit = self._direction_bit(device, item)
+        if math.isinf(signed):
+            return 0
         return round(signed) if bit is None else magnitude_of(round(signed), bit)
+
+    def _is_unlimited_at_zero(self, device: Any, item: str) -> bool:
+        """Whether 0 of a register of a joint is no limit."""
+        member = self._table_member(device)
+        if member is None or item not in member.table.items:
+            return False
+        mode = member.device.mode
+        turns = mode is not None and mode.effector == item
+        return not turns and math.isinf(unit_of(member.table.items[item]).to_si(0))
 
     def _direction_bit(self, device: Any, item: str) -> int | None:
         member = None if self._cycle is None else self._cycle.members.get(device)
@@ -496,6 +523,8 @@ def _write(bus: ServoBus, member: Member, name: str, wanted: Any) -> int:
         wanted = read_position_goal(bus, member)
     value = int(wanted)
     check_line(name, value)
+    if is_place(name):
+        check_indirect(bus, member, item, value)
     if member.regains_force(name, value):
         hold_here(bus, member)
     if value and member.must_arm_watchdog(name):

@@ -13,7 +13,6 @@ let go may then be as fast as that error makes it, some 0.3 rad/s, even if less 
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 WINDOW_S: Final = 0.03
@@ -30,6 +29,8 @@ MOVED: Final = 2
 """Counts that are a motion: a sensor may flicker by one."""
 BREAKAWAY: Final = 0.05
 """Share of the full error below which a servo may not begin to turn."""
+SHARE: Final = 0.15
+"""Share of the full error with which a shaft that stands at its goal never pushes: friction and margins are less."""
 ROUNDING: Final = 1.0
 """Counts by which a goal and a reading may be wrong."""
 
@@ -39,7 +40,6 @@ class ServoFollower:
 
     Attributes:
         speed: as measured, 0 while it is unknown.
-        still_since: the time at which the shaft was first seen where it is now, nan while it turns or is unknown.
     """
 
     def __init__(self, lag: float, full: float) -> None:
@@ -51,14 +51,15 @@ class ServoFollower:
     def forget(self) -> None:
         """Begin anew: the servo was off, or did not answer, and may have been turned by hand."""
         self.speed = 0.0
-        self.still_since = math.nan
+        self._stands = False
         self._carried = 0.0
+        self._lead = float("inf")
         self._base: tuple[float, float] | None = None
 
     def add_reading(self, place: float, at: float, goal: float | None) -> None:
         """Take a measured position; `goal` is the last one sent to the servo, None if it is unknown."""
         if self._base is None or at - self._base[1] > STALE_S:
-            self._base, self.speed, self.still_since = (place, at), 0.0, at
+            self._base, self.speed, self._stands = (place, at), 0.0, False
             return
         before, begun = self._base
         elapsed = at - begun
@@ -67,10 +68,7 @@ class ServoFollower:
             return
         self._base = place, at
         self.speed = (place - before) / elapsed if turns else 0.0
-        if turns:
-            self.still_since = math.nan
-        elif math.isnan(self.still_since):
-            self.still_since = begun
+        self._stands = not turns
         if goal is not None:
             self._learn(goal - place, turns, elapsed)
 
@@ -88,6 +86,11 @@ class ServoFollower:
         else:
             self._carried = max(min(self._carried, 0.0), error)
 
+    def is_blocked(self, place: float, goal: float) -> bool:
+        """Return whether the shaft stands although its goal is away by more than it carries."""
+        away = abs(goal - place - self._carried)
+        return self._stands and away >= max(0.9 * min(self._lead, SHARE * self._full), MOVED)
+
     def reach(self, place: float, age: float, pace: float) -> tuple[float, float]:
         """Return the lowest and the highest goal for a shaft that was at `place` some seconds ago.
 
@@ -95,5 +98,5 @@ class ServoFollower:
         """
         turned = min(max(self.speed, -pace), pace) * min(age, LONGEST_GUESS_S)
         middle = place + turned + self._carried
-        lead = max(pace * self._lag, BREAKAWAY * self._full) + ROUNDING
+        lead = self._lead = max(pace * self._lag, BREAKAWAY * self._full) + ROUNDING
         return middle - lead, middle + lead

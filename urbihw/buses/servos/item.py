@@ -132,6 +132,8 @@ class ControlTable:
         hardware_errors: bit of the item "hardware_error" -> what it means.
         follows: how a joint follows its goal: seconds by which it is late, and the error in rad with which it pushes as
             hard as it can; see `following`.
+        indirect: areas whose bytes stand for other registers: the first address entry (2 bytes each), the first byte of
+            data, the number of both.
     """
 
     name: str
@@ -145,6 +147,7 @@ class ControlTable:
     sync_read: bool = False
     hardware_errors: Mapping[int, str] = field(default_factory=dict)
     follows: tuple[float, float] = (0.03, 0.17)
+    indirect: tuple[tuple[int, int, int], ...] = ()
 
     def error_words(self, raw: int) -> str:
         """Return the causes of a hardware error, such as "overheating, overload"; "" for none."""
@@ -172,6 +175,10 @@ class ControlTable:
             if item.address < address + size and address < item.end:
                 raise BadValue(f"{name} of {self.name} is {item.name}: use that name")
         return Item(name, address, size, "RW", "R", 0, (1 << 8 * size) - 1, None, big_endian=self.big_endian)
+
+    def item_around(self, address: int) -> Item | None:
+        """Return the item that a byte belongs to, None for a byte without a name."""
+        return next((item for item in self.items.values() if item.address <= address < item.end), None)
 
     @cached_property
     def mode_items(self) -> tuple[str, ...]:

@@ -138,6 +138,12 @@ class Member:
         unit = unit_of(self._table.items[PLACE])
         return lag, full / abs(unit.to_si(1) - unit.to_si(0))
 
+    @property
+    def count(self) -> float:
+        """Rad for one count of its position."""
+        unit = unit_of(self.table.item(PLACE))
+        return abs(unit.to_si(1) - unit.to_si(0))
+
     def follow(self, now: float) -> None:
         """Read its position with each tick from now on: its goal is bound to it."""
         self._followed_until = now + FOLLOW_S

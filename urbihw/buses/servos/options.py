@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from urbihw.settings import SWITCH, SettingsTable, choice, setting, wholes
+from urbihw.settings import SWITCH, SettingsTable, choice, number, setting, wholes
 
 _LAST_ID = 252
 _CONTROLLERS = (
@@ -25,9 +25,15 @@ class ServoBusOptions(SettingsTable):
         controller: "cm5" or "cm510": ask it for its toss mode before the first scan. Without it that is done when
             nothing answers at the speed of such a controller, 57 600 bps.
         fast_read: use FAST SYNC READ where all devices of a group can do it.
+        overspeed: what happens to a joint that turns faster than its limit: "stop" it, or only "tell" it.
+        blocked_limit: seconds after which something happens to a joint that is blocked; 0 for never.
+        blocked_action: what that is: "stop" it where it is, or "relax" it: its torque is switched off.
     """
 
     protocol: Literal[1, 2, "auto"] = setting("auto", choice(1, 2, "auto", wants='1, 2 or "auto"'))
     ids: tuple[int, ...] = setting((), wholes(0, _LAST_ID, "[1, 2, 100]"))
     controller: Literal["", "cm5", "cm510"] = setting("", choice("", "cm5", "cm510", wants=_CONTROLLERS))
     fast_read: bool = setting(True, SWITCH)
+    overspeed: Literal["stop", "tell"] = setting("stop", choice("stop", "tell"))
+    blocked_limit: float = setting(0.0, number(0, 3600, " s"))
+    blocked_action: Literal["stop", "relax"] = setting("stop", choice("stop", "relax"))

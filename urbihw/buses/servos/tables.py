@@ -12,6 +12,7 @@ number leads to its file without reading the others. A file holds::
     sync_read = true                     # answers SYNC READ; without it: those of protocol 2 do
     eeprom_lock = "lock"                 # the item that must be 0 for a write of the EEPROM to be kept
     fast_firmware = 45                   # FAST SYNC READ from this firmware on; 0: never
+    indirect = [[168, 224, 28]]          # from 168 on 28 addresses, for which the 28 bytes from 224 on stand
     follows = [0.03, 0.17]               # a joint is so many s behind its goal, and pushes hardest so many rad from it
     without = ["acceleration_limit"]     # rows of the base that this table does not have
     modes = ["velocity", "position"]     # the modes of the base that this table has; without it: all
@@ -132,6 +133,7 @@ def _table(data: Mapping[str, Any], models: Mapping[int, str]) -> ControlTable:
         eeprom_lock=get("eeprom_lock", ""),
         sync_read=get("sync_read", data.get("protocol") == 2),
         hardware_errors=errors or ({} if base is None else base.hardware_errors),
+        indirect=tuple(map(tuple, get("indirect", ()))),
         follows=tuple(get("follows", ControlTable.follows)),
     )
 

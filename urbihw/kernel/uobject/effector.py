@@ -208,6 +208,10 @@ class EffectorDevice(UObject):
         """The reason why the device ignores writes and how to switch it on, in words; "" while it is on.  Override."""
         return ""
 
+    def explain_hindrance(self) -> str:
+        """What keeps the device from what was written, and what to do, in words; "" for nothing.  Override."""
+        return ""
+
     _last_effector: Effector | None = None
     _has_unit = False
     _warned: Sequence[Any] = ()
@@ -227,4 +231,5 @@ class EffectorDevice(UObject):
         if self._last_effector is not None:
             origin = self._last_effector.origin
             off = self.explain_off() if self.limitedBy.sensed == OFF else ""
-            self.why.sense(f"{origin}, {origin.time:.3f} s" + (f"; {off}" if off else ""))
+            more = [text for text in (off, self.explain_hindrance()) if text]
+            self.why.sense("; ".join([f"{origin}, {origin.time:.3f} s", *more]))

@@ -70,6 +70,11 @@ class AngleLimitServo(ServoMotor):
             return item.name, units.from_si(item, value)
         return item.name, units.from_si(item, value * self.frame.direction / self.wheel_unit(item), True)
 
+    @property
+    def joint_speed_item(self) -> str:
+        """See ``Servo``."""
+        return "moving_speed"
+
     def speed_of(self, raw: int) -> float:
         """The inverse of ``speed_target``."""
         item = self.table.item("moving_speed")

@@ -101,6 +101,11 @@ class ModeServo(ServoMotor):
             return item.name, units.from_si(item, value)
         return item.name, units.from_si(item, value * self.frame.direction / self.wheel_unit(item), True)
 
+    @property
+    def joint_speed_item(self) -> str:
+        """See ``Servo``."""
+        return self._speed_item(False)
+
     def speed_of(self, raw: int) -> float:
         """The inverse of ``speed_target`` of a wheel."""
         item = self.table.item(self._speed_item(True))

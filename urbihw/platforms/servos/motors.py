@@ -24,7 +24,7 @@ from urbihw.buses.servos import units
 from urbihw.buses.servos.device import DeviceInfo
 from urbihw.buses.servos.item import Item, Mode
 from urbihw.buses.servos.item import ShaftMotion as ModeMotion
-from urbihw.kernel.uobject import EffectorDevice, Motion, Origin, UVar, number, owned, reading, set_range
+from urbihw.kernel.uobject import EffectorDevice, Motion, Origin, UVar, event, number, owned, reading, set_range
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.hooks import LimitNamer, LimitTable
 from urbihw.platforms.limits import DeviceLimits, whole_counts
@@ -53,6 +53,9 @@ class ServoMotor(Joint, EffectorDevice):
     wheel = reading(False)
     mode = owned("")
     jointName = reading("")
+    blockedFor = reading(0.0)
+    blocked = event()
+    overspeed = event()
 
     goal: ClassVar[str] = "goal_position"
     def init(  # type: ignore[override]
@@ -72,6 +75,7 @@ class ServoMotor(Joint, EffectorDevice):
         self._off = False
         self._switches = 0
         self._fastest = math.inf, ""
+        self._speed_wanted: int | None = None
         self._deferred_writes: dict[str, Origin] = {}
         self._limits_wanted: dict[str, float] = {}
         self._limits_planned: dict[str, float] = {}
@@ -89,6 +93,9 @@ class ServoMotor(Joint, EffectorDevice):
         for item in {*self.table.mode_items, *self.limits}:
             self.on_change(item, lambda raw, stamp: self._update_limits(stamp))
         set_range(self.load, 0.0, 1.0)
+        self._blocked_since: float | None = None
+        self.blockedFor.set_property("unit", "s")
+        self.notify_access(self.blockedFor, self._show_block)
 
     # ---------------------------------------------------------------- defined by each kind of servo
 
@@ -136,6 +143,31 @@ class ServoMotor(Joint, EffectorDevice):
             self.channel.set_target(self.number, self.goal, raw, origin, self.goal_scale)
             self._enable_torque(origin)
 
+    # ---------------------------------------------------------------- what the body does
+
+    def set_blocked(self, since: float | None) -> None:
+        """Something keeps the joint from its goal since that time of the kernel's clock, None: nothing does."""
+        self._blocked_since = since
+        self._show_block()
+        if since is not None:
+            self.log.warning("motor %d is blocked on its way to its goal", self.number)
+            self.blocked.emit(self.blockedFor.sensed)
+
+    def set_too_fast(self, speed: float) -> None:
+        """The joint turns faster than its limit."""
+        self.log.warning("motor %d turns at %.1f rad/s, above %s", self.number, speed, self._fastest[1])
+        self.overspeed.emit(speed)
+
+    def _show_block(self) -> None:
+        since = self._blocked_since
+        self.blockedFor.sense(0.0 if since is None else max(0.0, self.host.now() - since))
+
+    def explain_hindrance(self) -> str:
+        """See ``EffectorDevice``."""
+        if self._blocked_since is None:
+            return ""
+        return f"blocked for {self.host.now() - self._blocked_since:.1f} s: free the joint, or robot.stop"
+
     @property
     def goal_scale(self) -> float:
         """Counts of the goal for 1 rad."""
@@ -180,8 +212,8 @@ class ServoMotor(Joint, EffectorDevice):
             self._enable_torque(origin)
             self.channel.set_target(self.number, item, raw, origin, self.wheel_scale()[1])
         else:
-            self.settings[item] = raw
-            self.channel.set_target(self.number, item, raw)
+            self._speed_wanted = raw
+            self._write_joint_speed()
             if value > self._fastest[0]:
                 self.show_limited(*self._fastest)
 
@@ -196,6 +228,7 @@ class ServoMotor(Joint, EffectorDevice):
         table = made.joint_limits(self.table.item(self.goal), self.frame)
         if self.wheel.sensed:
             table |= made.wheel_limits(*self.wheel_scale())
+        table = {**table, **self._limit_joint_speed()}
         row = self.find_row("torqueLimit")
         if row is None:
             return table, made.thresholds("", 0, False)
@@ -225,6 +258,48 @@ class ServoMotor(Joint, EffectorDevice):
         item = self.table.item(row.item)
         share = min(row.view.to_si(torque, self.facts), units.limits_si(item)[1])
         return int(whole_counts(0.0, share / units.to_si(item, 1))[1])
+
+    def _limit_joint_speed(self) -> LimitTable:
+        """Bound the servo's own speed on its way to a goal; return the limit of its register.
+
+        So the servo keeps the limit by itself, too, when the worker is dead.  A limit of the acceleration is not
+        written: it would slow down a stop.
+        """
+        if self.wheel.sensed or not self.takes_positions:
+            return {}
+        self._write_joint_speed()
+        item, most = self._joint_speed_limit()
+        if most is None:
+            return {}
+        return {(self.number, item): m.Limit(-most, most, name=self._fastest[1])}
+
+    def _joint_speed_limit(self) -> tuple[str, int | None]:
+        """The register of a joint's speed ("" for none), and its highest count under the limit, None without one."""
+        item = self.joint_speed_item
+        if not item or math.isinf(self._fastest[0]):
+            return item, None
+        unit, row = units.unit_of(self.table.item(item)), self.table.item(item)
+        most = max(row.low, 1)
+        most = max(most, min(row.high if unit.high is None else unit.high, unit.to_raw(self._fastest[0])))
+        return item, most - 1 if most > 1 and unit.to_si(most) > self._fastest[0] else most
+
+    def _write_joint_speed(self) -> None:
+        """Write the speed that a program wants, or that the limit leaves of it, where it changes something."""
+        item, most = self._joint_speed_limit()
+        wanted = self._speed_wanted
+        if not item or (wanted is None and most is None and item not in self.settings):
+            return
+        # 0 is the full speed of the servo.
+        raw = wanted or 0
+        raw = raw if most is None else min(raw or most, most)
+        if self.settings.get(item) != raw or raw == wanted:
+            self.settings[item] = raw
+            self.channel.set_target(self.number, item, raw)
+
+    @property
+    def joint_speed_item(self) -> str:
+        """The register of the speed of a joint on its way to a goal, "" for none."""
+        raise NotImplementedError
 
     def was_limited(self, message: m.Limited) -> None:
         """Show the limited target in the slot that was written."""

@@ -439,6 +439,25 @@ class ServoRobot(MotionRobot):
         if message.device not in self.channel.blocked:
             super().on_refused(message)
 
+    def on_happened(self, message: m.DeviceReport) -> None:
+        """Show what a joint does against what it was told; the movements of one that was stopped for it are over."""
+        motor = self.devices.get(message.device)
+        if not isinstance(motor, ServoMotor):
+            return
+        if message.what == "blocked":
+            motor.set_blocked(message.value + self.offset)
+        elif message.what == "free":
+            motor.set_blocked(None)
+        elif message.what == "overspeed":
+            motor.set_too_fast(message.value)
+        elif message.what == "relaxed":
+            motor.mark_released()
+        elif message.what == "halted":
+            self.log.warning("%s: it was stopped", message.value)
+            self._end_movements(message.device, message.value)
+            # Targets may have been on their way.
+            self.send_message(m.Stop(self.motion.epoch, message.value, (message.device,)))
+
     def on_device_state(self, message: m.DeviceState) -> None:
         """Show the loss and the return of a device; one that was lost before it was found is logged as missing."""
         device = self.devices.get(message.device)

@@ -44,6 +44,9 @@ REGISTERS: Final = {
     "writeRegister": ("writeRegister(name, raw): write a raw count into a register", ""),
 }
 SERVO: Final = {
+    "blocked": ("event: something keeps the joint from its goal; with the seconds so far", ""),
+    "blockedFor": ("how long something has kept the joint from its goal, 0 if nothing does", "s"),
+    "overspeed": ("event: the joint turns faster than its limit; with the speed in rad/s", ""),
     "val": ("angle: the goal when written, the measured one when read", "rad"),
     "angle": ("the same as val", "rad"),
     "speed": ("speed of a wheel; of a joint the greatest speed on the way to its goal", "rad/s"),

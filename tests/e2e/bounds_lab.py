@@ -1,0 +1,143 @@
+"""How fast the body of a joint or a wheel gets, whatever happens to it: real daemons before simulated servos.
+
+For ``bench/safety.py``; in simulated time ``tests/platforms/test_bounded_by_body.py`` tests the same for more models.
+"""
+
+from __future__ import annotations
+
+import math
+import signal
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from faults_lab import Client, Daemon, Watcher, wait_for
+from moving_robots import Look
+
+from urbihw_fakes.bioloid import Bioloid
+from urbihw_fakes.dynamixel.ax12 import DEGREES
+from urbihw_fakes.dynamixel.xseries import XSeries
+from urbihw_fakes.dynamixel.xtables import STEPS
+from urbihw_fakes.endpoint import PtyEndpoint
+from urbihw_fakes.serving import Endpoint
+
+_HOLDS = "{var t = time| while| (time < t + 0.8) {}},"
+
+
+@dataclass(frozen=True)
+class ServoRig:
+    """A kit with one servo, number 1; ``hold`` holds its horn, or lets it go."""
+
+    name: str
+    make: Callable[[], tuple[Endpoint, Look, Callable[[bool], None]]]
+
+
+@dataclass(frozen=True)
+class BoundCase:
+    """A joint or a wheel under way: what is said, what happens, and the speed in rad/s that it may have."""
+
+    name: str
+    go: str
+    told: float
+    happens: Callable[[Bench], None]
+    limits: str = ""
+
+
+@dataclass
+class Bench:
+    """The processes of one case."""
+
+    folder: Path
+    end: Endpoint
+    hold: Callable[[bool], None]
+    daemon: Daemon
+    client: Client
+    watcher: Watcher
+    go: str
+
+
+def _ax() -> tuple[Endpoint, Look, Callable[[bool], None]]:
+    kit = Bioloid(servos=(1,), sensors=(), baud=1_000_000)
+    end, servo = PtyEndpoint(kit), kit.servo(1)
+
+    def look() -> float:
+        kit.tick(end.clock())
+        return math.radians(abs(servo.speed) * DEGREES)
+
+    return end, look, lambda held: setattr(servo, "held", held)
+
+
+def _x() -> tuple[Endpoint, Look, Callable[[bool], None]]:
+    kit = Bioloid.x_series(1, baud=1_000_000)
+    end, servo = PtyEndpoint(kit), kit[1]
+    assert isinstance(servo, XSeries)
+
+    def look() -> float:
+        kit.tick(end.clock())
+        return abs(servo.motor.speed) * math.tau / STEPS
+
+    return end, look, lambda held: setattr(servo.motor, "held", held)
+
+
+def _let_go(bench: Bench) -> None:
+    bench.end.call(lambda: bench.hold(True))
+    bench.client.say(bench.go)
+    time.sleep(1.8)
+    bench.end.call(lambda: bench.hold(False))
+    time.sleep(2.0)
+
+
+def _neighbour(bench: Bench) -> None:
+    bench.client.say(bench.go)
+    other = Client(bench.daemon.port)
+    for _ in range(2):
+        time.sleep(0.4)
+        other.say(_HOLDS)
+        time.sleep(0.8)
+    time.sleep(1.0)
+    other.close()
+
+
+def _reload(bench: Bench) -> None:
+    bench.client.say(bench.go)
+    time.sleep(0.5)
+    config = bench.folder / "config.toml"
+    config.write_text(config.read_text() + "[limits]\nspeed = 1.0\n")
+    bench.daemon.process.send_signal(signal.SIGHUP)
+    wait_for(lambda: "settings read again" in bench.daemon.log(), "the new settings")
+    time.sleep(0.3)
+    bench.watcher.samples.clear()
+    time.sleep(1.0)
+
+
+BOUND_RIGS = (ServoRig("AX-12", _ax), ServoRig("XL430", _x))
+_WHEEL = "motor1.cwLimit = motor1.ccwLimit = 0; sleep(0.5s); motor1.speed = 4;"
+BOUND_CASES = (
+    BoundCase("held joint let go, limit of 1 rad/s", "motor1.val = 0.9;", 1.0, _let_go, "[limits]\nspeed = 1.0\n"),
+    BoundCase("held joint let go, `speed:0.5`", "motor1.val = 0.9 speed:0.5,", 0.5, _let_go),
+    BoundCase("neighbour holds the interpreter 0.8 s, `speed:0.5`", "motor1.val = 1.5 speed:0.5,", 0.5, _neighbour),
+    BoundCase("neighbour holds the interpreter 0.8 s, `smooth:4s`", "motor1.val = 1.5 smooth:4s,", 0.59, _neighbour),
+    BoundCase("limits reloaded: 1 rad/s for a wheel at 4", _WHEEL, 1.0, _reload),
+)
+
+
+def measure_peak(rig: ServoRig, case: BoundCase) -> float:
+    """Return the highest speed of the body in rad/s, each time over ``faults_lab.SPAN``."""
+    with tempfile.TemporaryDirectory(prefix="bounds-") as name, ExitStack() as stack:
+        end, look, hold = rig.make()
+        stack.enter_context(end)
+        end.start()
+        folder = Path(name)
+        daemon = Daemon(folder, "bioloid", end.url, case.limits)
+        stack.callback(daemon.close)
+        client = Client(daemon.port)
+        stack.callback(client.close)
+        client.say('motor1.load = 1; sleep(0.5s); echo("ready");')
+        client.wait("ready")
+        watcher = Watcher(end, look)
+        stack.callback(watcher.close)
+        case.happens(Bench(folder, end, hold, daemon, client, watcher, case.go))
+        return watcher.peak(0.0)
