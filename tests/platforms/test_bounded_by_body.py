@@ -99,6 +99,22 @@ def test_a_joint_that_carries_a_weight_reaches_its_goal(chain: str) -> None:
 
 
 @pytest.mark.parametrize("chain", CHAINS)
+def test_a_weight_does_not_pull_a_joint_down_while_an_emergency_stop_holds(chain: str) -> None:
+    """It gives way once, by its droop; the stops that are repeated for other masters leave it alone."""
+    lab = Chain.ready(chain)
+    lab.say_all("motor#.load = 1|; motor#.val = 0.5|;", 1.0)
+    for body in lab.bodies():
+        body.load = -0.4
+    lab.run(1.0)
+    lab.look("chain.estop = true")
+    lab.run(1.0)
+    before = {number: lab.place(number) for number in lab.numbers}
+    lab.run(3.0)
+    ways = {number: lab.place(number) - before[number] for number in lab.numbers}
+    assert all(abs(way) < 0.03 for way in ways.values()), ways
+
+
+@pytest.mark.parametrize("chain", CHAINS)
 @pytest.mark.parametrize("go", ["speed:0.5", "time:2s", "smooth:2s", "sin:4s ampli:0.5", "speed:0.5 adaptive:true"])
 def test_a_neighbour_who_holds_the_interpreter_does_not_make_a_trajectory_leap(chain: str, go: str) -> None:
     lab = Chain.ready(chain)

@@ -68,6 +68,7 @@ class Member:
         written: targets that the device has, item -> raw; empty when unknown.
         moved: it was given a motion since it was last stopped.
         stop_pending: a stop could not be executed yet, because its position could not be read.
+        held: the goal with which it was stopped last; None before that.
         place: the present position as last read, raw; None before that.
         place_at: time of that reading.
         state: the lasting error bits of its answers as last reported.
@@ -84,6 +85,7 @@ class Member:
         self.written: dict[str, int] = {}
         self.moved = False
         self.stop_pending = False
+        self.held: int | None = None
         self.place: int | None = None
         self.place_at = -math.inf
         self.state = 0

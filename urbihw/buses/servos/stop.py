@@ -142,10 +142,13 @@ def _is_on_its_way(bus: ServoBus, member: Member) -> bool:
     torque, goal, place = (item(name) for name in (TORQUE, GOAL, PLACE))
     if not torque.unpack(bus.read(number, torque.address, torque.size)):
         return False
+    wanted = goal.unpack(bus.read(number, goal.address, goal.size))
+    if wanted == member.held:
+        # A weight has pulled it off the place of its stop; with each further goal there it would give way more.
+        return False
     moving = member.table.items.get("moving")
     if moving is not None and moving.unpack(bus.read(number, moving.address, moving.size)):
         return True
-    wanted = goal.unpack(bus.read(number, goal.address, goal.size))
     left = abs(wanted - place.unpack(bus.read(number, place.address, place.size)))
     count = unit_of(place).to_si(1) - unit_of(place).to_si(0)
     return left * count > ARRIVED_WITHIN_RAD
@@ -195,7 +198,11 @@ def _read_position(bus: ServoBus, member: Member) -> bool | None:
 
 
 def _hold_goal(member: Member) -> dict[str, int]:
-    return {} if member.place is None else {GOAL: _within_limits(member, member.place)}
+    """Return the goal that holds a joint where it is, and record it."""
+    if member.place is None:
+        return {}
+    member.held = _within_limits(member, member.place)
+    return {GOAL: member.held}
 
 
 def _within_limits(member: Member, place: int) -> int:
