@@ -72,7 +72,6 @@ class AngleLimitServo(ServoMotor):
 
     @property
     def joint_speed_item(self) -> str:
-        """See ``Servo``."""
         return "moving_speed"
 
     def speed_of(self, raw: int) -> float:

@@ -103,7 +103,6 @@ class ModeServo(ServoMotor):
 
     @property
     def joint_speed_item(self) -> str:
-        """See ``Servo``."""
         return self._speed_item(False)
 
     def speed_of(self, raw: int) -> float:

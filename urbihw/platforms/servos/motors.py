@@ -163,7 +163,6 @@ class ServoMotor(Joint, EffectorDevice):
         self.blockedFor.sense(0.0 if since is None else max(0.0, self.host.now() - since))
 
     def explain_hindrance(self) -> str:
-        """See ``EffectorDevice``."""
         if self._blocked_since is None:
             return ""
         return f"blocked for {self.host.now() - self._blocked_since:.1f} s: free the joint, or robot.stop"
