@@ -188,8 +188,9 @@ class ServoDriver(Driver):
             _clear_watchdogs(cycle, tick.fired)
         bodies = self._body.look(cycle.motors(), cycle.bus.clock.now())
         self.stopped_devices = bodies.stopped
-        for number in bodies.slack:
-            _write(cycle.bus, cycle.members[number], TORQUE, 0)
+        if bodies.slack:
+            # It waits for no answer: one that is missing must not end the tick.
+            safe_stop(cycle, torque_off=True, devices=bodies.slack)
         back = [number for number, change in tick.changes if change.new == "back"]
         _clear_watchdogs(cycle, [number for number in back if _has_fired(cycle.members[number].device)])
         found = self._newly_found(cycle, tick) + self._changed_devices(cycle, back)
