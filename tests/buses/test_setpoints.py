@@ -129,6 +129,16 @@ def test_a_late_tick_makes_no_large_step(rig: Rig) -> None:
     assert rig.step() == 512 + round(1000 * LONGEST_STEP_S)
 
 
+def test_a_movement_keeps_its_rate_where_each_tick_is_slow(rig: Rig) -> None:
+    rig.points.set_limits({KEY: Limit(rate=1000.0)}, rig.now)
+    rig.take(1000)
+    given = 0
+    for _ in range(4):
+        rig.now += 0.09
+        given = rig.step()
+    assert given == 512 + round(1000 * (LONGEST_STEP_S + 3 * 0.1))
+
+
 def test_a_stop_ends_what_is_under_way(rig: Rig) -> None:
     rig.points.set_limits({KEY: Limit(rate=1000.0)}, rig.now)
     rig.take(1000)

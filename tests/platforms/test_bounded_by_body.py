@@ -98,6 +98,16 @@ def test_a_joint_that_carries_a_weight_reaches_its_goal(chain: str) -> None:
     assert all(abs(way - 0.9) < 0.03 for way in ways.values()), ways
 
 
+def test_a_movement_takes_its_time_on_a_slow_line() -> None:
+    """18 servos behind a CM-5: a cycle takes 0.11 s, and each goal lasts until the next one."""
+    lab = Chain.ready(",".join(f"AX-12:{number}" for number in range(1, 19)))
+    lab.kit.pace(57_600)
+    lab.say_all("motor#.load = 1|;", 1.0)
+    lab.say_all("motor#.val = 1 time:1,", 1.6)
+    places = {number: lab.place(number) for number in lab.numbers}
+    assert all(abs(place - 1) < 0.03 for place in places.values()), places
+
+
 @pytest.mark.parametrize("chain", CHAINS)
 def test_a_weight_does_not_pull_a_joint_down_while_an_emergency_stop_holds(chain: str) -> None:
     """It gives way once, by its droop; the stops that are repeated for other masters leave it alone."""

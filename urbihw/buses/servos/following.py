@@ -23,6 +23,8 @@ STALE_S: Final = 0.3
 """Seconds without a reading after which the speed is unknown."""
 LEARN_S: Final = 0.1
 """Seconds in which a turning shaft tells what it carries."""
+SLOWEST_S: Final = 0.15
+"""Longest time between two readings, on a slow wire, for which a goal leads the shaft on."""
 LONGEST_GUESS_S: Final = 0.05
 """Seconds for which a turning shaft is assumed to turn on; later than that its place is that of the last reading."""
 MOVED: Final = 2
@@ -55,9 +57,11 @@ class ServoFollower:
         self._carried = 0.0
         self._lead = float("inf")
         self._base: tuple[float, float] | None = None
+        self._read_at = self._pause = self._pause_before = 0.0
 
     def add_reading(self, place: float, at: float, goal: float | None) -> None:
         """Take a measured position; `goal` is the last one sent to the servo, None if it is unknown."""
+        self._pause_before, self._pause, self._read_at = self._pause, at - self._read_at, at
         if self._base is None or at - self._base[1] > STALE_S:
             self._base, self.speed, self._stands = (place, at), 0.0, False
             return
@@ -98,5 +102,7 @@ class ServoFollower:
         """
         turned = min(max(self.speed, -pace), pace) * min(age, LONGEST_GUESS_S)
         middle = place + turned + self._carried
-        lead = self._lead = max(pace * self._lag, BREAKAWAY * self._full) + ROUNDING
+        # A goal must last until the next one; of two pauses the shorter, since one reading may be late.
+        pause = min(self._pause, self._pause_before, SLOWEST_S)
+        lead = self._lead = max(pace * max(self._lag, pause), BREAKAWAY * self._full) + ROUNDING
         return middle - lead, middle + lead
