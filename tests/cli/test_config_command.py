@@ -51,7 +51,7 @@ def test_check_tells_all_mistakes_one_line_each(capsys: Capture, file: Path) -> 
         "urbihw: robot.toml: prot: no such setting; did you mean port?",
         'urbihw: robot.toml: rate: wants a number from 1 to 1000 Hz, not "fast"',
         "urbihw: robot.toml: options.offset: no such option of bioloid; there are: protocol, ids, controller, "
-        "fast_read, overspeed, blocked_limit, blocked_action",
+        "fast_read, overspeed, blocked_limit, blocked_action, push",
         "urbihw: robot.toml: limits.turn: no device of this platform has such limit; there are: position, speed, "
         "acceleration, torque, temperature, voltage",
         "urbihw: robot.toml: limits.moter6: no such device; did you mean motor6?",

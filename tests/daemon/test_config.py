@@ -141,7 +141,7 @@ def test_a_robot_named_by_a_flag_replaces_that_of_the_file(
         (
             "platform = 'bioloid'\n[options]\noffset = 3",
             "robot.toml: options.offset: no such option of bioloid; there are: protocol, ids, controller, "
-            "fast_read, overspeed, blocked_limit, blocked_action",
+            "fast_read, overspeed, blocked_limit, blocked_action, push",
         ),
         (
             "platform = 'bioloid'\n[options]\nprotocoll = 1",

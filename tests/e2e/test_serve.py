@@ -353,7 +353,7 @@ def test_what_is_wrong_with_the_set_up_is_said_in_one_line(tmp_path: Path) -> No
     config.write_text('platform = "bioloid"\nfake = true\n[options]\nofset = 3\n')
     assert refused("--config", str(config)) == (
         f"urbihw: {config}: options.ofset: no such option of bioloid; there are: protocol, ids, controller, "
-        "fast_read, overspeed, blocked_limit, blocked_action"
+        "fast_read, overspeed, blocked_limit, blocked_action, push"
     )
     config.write_text('platform = "bioloid"\nfake = true\n[limits.moter6]\nspeed = 3\n')
     assert refused("--config", str(config)) == (

@@ -108,6 +108,21 @@ def test_a_movement_takes_its_time_on_a_slow_line() -> None:
     assert all(abs(place - 1) < 0.03 for place in places.values()), places
 
 
+@pytest.mark.parametrize(("push", "lifts"), [(0.05, False), (0.4, True)])
+def test_a_joint_lifts_an_arm_that_lies_on_something_if_it_may_push(push: float, lifts: bool) -> None:
+    lab = Chain.ready("AX-12:1", push=push)
+    lab.say("motor1.load = 1|;", 0.5)
+    (body,) = lab.bodies()
+    body.load, body.held = -0.2, True
+    rest, lies = lab.place(1), lab.register(1, "goal_position")
+    lab.say("motor1.val = 0.5 time:1,")
+    for _ in range(200):
+        # What it lies on carries the weight until the motor does: 33 counts away it pushes as hard as it can.
+        body.held = lab.place(1) <= rest and lab.register(1, "goal_position") - lies < 0.2 * 33
+        lab.step()
+    assert (lab.place(1) - rest > 0.4) is lifts
+
+
 @pytest.mark.parametrize("chain", CHAINS)
 def test_a_weight_does_not_pull_a_joint_down_while_an_emergency_stop_holds(chain: str) -> None:
     """It gives way once, by its droop; the stops that are repeated for other masters leave it alone."""

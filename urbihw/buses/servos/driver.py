@@ -322,7 +322,8 @@ class ServoDriver(Driver):
         if item != GOAL or member is None:
             return None
         member.follow(now)
-        return member.follower.reach(math.nan if member.place is None else member.place, now - member.place_at, pace)
+        place = math.nan if member.place is None else member.place
+        return member.follower.reach(place, now - member.place_at, pace, self._options.push)
 
     def signed(self, device: Any, item: str, raw: Any) -> float:
         """The speed of an AX wheel has its direction in a bit; the speed of a joint is without a limit at 0."""

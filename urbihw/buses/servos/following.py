@@ -95,14 +95,14 @@ class ServoFollower:
         away = abs(goal - place - self._carried)
         return self._stands and away >= max(0.9 * min(self._lead, SHARE * self._full), MOVED)
 
-    def reach(self, place: float, age: float, pace: float) -> tuple[float, float]:
+    def reach(self, place: float, age: float, pace: float, push: float = BREAKAWAY) -> tuple[float, float]:
         """Return the lowest and the highest goal for a shaft that was at `place` some seconds ago.
 
-        `pace` is the highest speed that is wanted.
+        `pace` is the highest speed that is wanted, `push` the share of the full error that is allowed at any speed.
         """
         turned = min(max(self.speed, -pace), pace) * min(age, LONGEST_GUESS_S)
         middle = place + turned + self._carried
         # A goal must last until the next one; of two pauses the shorter, since one reading may be late.
         pause = min(self._pause, self._pause_before, SLOWEST_S)
-        lead = self._lead = max(pace * max(self._lag, pause), BREAKAWAY * self._full) + ROUNDING
+        lead = self._lead = max(pace * max(self._lag, pause), push * self._full) + ROUNDING
         return middle - lead, middle + lead

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from urbihw.buses.servos.following import BREAKAWAY
 from urbihw.settings import SWITCH, SettingsTable, choice, number, setting, wholes
 
 _LAST_ID = 252
@@ -28,6 +29,8 @@ class ServoBusOptions(SettingsTable):
         overspeed: what happens to a joint that turns faster than its limit: "stop" it, or only "tell" it.
         blocked_limit: seconds after which something happens to a joint that is blocked; 0 for never.
         blocked_action: what that is: "stop" it where it is, or "relax" it: its torque is switched off.
+        push: share of its force with which a joint that stands may push, on a way with a speed: more lets it lift an
+            arm that lies on something, and lets it leap further when a hand that held it lets go.
     """
 
     protocol: Literal[1, 2, "auto"] = setting("auto", choice(1, 2, "auto", wants='1, 2 or "auto"'))
@@ -37,3 +40,4 @@ class ServoBusOptions(SettingsTable):
     overspeed: Literal["stop", "tell"] = setting("stop", choice("stop", "tell"))
     blocked_limit: float = setting(0.0, number(0, 3600, " s"))
     blocked_action: Literal["stop", "relax"] = setting("stop", choice("stop", "relax"))
+    push: float = setting(BREAKAWAY, number(BREAKAWAY, 1))
