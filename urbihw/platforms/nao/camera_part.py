@@ -38,7 +38,7 @@ RETRY_S: Final = 2.0
 class CameraPart(NaoPart):
     """Value "picture" (`Picture`) of ``CAMERA``.
 
-    Request "film" with a `CameraMode`: take pictures from now on; with None: no longer.  Event (``Happened``)
+    Request "film" with a `CameraMode`: take pictures from now on; with None: no longer.  Event (``DeviceReport``)
     ("camera", "lost"): the session of the pictures has ended, for a reason.
     """
 

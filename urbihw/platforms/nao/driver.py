@@ -12,8 +12,8 @@ Devices and their items:
 
 Requests: "describe" of a service: the names of its methods; "call" of a service (device) and a method (item) with a
 list of arguments: its result.  An answer may take hours: such a call ends with its link.  "listen" to an event of
-ALMemory: from then on it comes as a ``Happened`` of ("event", KEY), until "unlisten".  "follow" a key of ALMemory: see
-``sense_part``.  "film": see ``camera_part``.  "write" of ("speaker", "piece"): see ``sound_part``.  "serve",
+ALMemory: from then on it comes as a ``DeviceReport`` of ("event", KEY), until "unlisten".  "follow" a key of ALMemory:
+see ``sense_part``.  "film": see ``camera_part``.  "write" of ("speaker", "piece"): see ``sound_part``.  "serve",
 "withdraw", "answer": see ``module_part``.
 
 Each kind of thing is a ``Part``; one more kind is one more module with a part and a line in ``NaoDriver.__init__``.

@@ -4,8 +4,8 @@ Requests: "serve" of a module (device) with (description, methods, whether the r
 ``BoundMethod``; "withdraw" of a module; "answer" of a call (device: its number) with (whether it went well, value or
 error).
 
-Each call comes as a ``Happened`` of (MODULE, CALL) with (number, module, method, arguments); when its caller does not
-wait any more, as one of (MODULE, CANCEL) with the number.
+Each call comes as a ``DeviceReport`` of (MODULE, CALL) with (number, module, method, arguments); when its caller does
+not wait any more, as one of (MODULE, CANCEL) with the number.
 """
 
 from __future__ import annotations

@@ -10,8 +10,8 @@ Devices and their items:
 
 Requests: "write" of ("engine", "move") one of UNDOCK, DOCK, CANCEL; of ("play", "sound"), ("play", "stop"), ("play",
 "volume"); of ("file", "chunk") (flags, bytes), ("speaker", "piece") bytes, ("speaker", "flush"); of ("config", KEY).
-"read" of ("config", ""), ("networks", ""), ("log", ""), answered when the robot does.  Events (``Happened``): ("dock",
-"docked"), ("dock", "undocked"), ("music", "ended").
+"read" of ("config", ""), ("networks", ""), ("log", ""), answered when the robot does.  Events (``DeviceReport``):
+("dock", "docked"), ("dock", "undocked"), ("music", "ended").
 
 Pictures and sound are samples: while the daemon does not read them, newer ones replace older ones.
 """
