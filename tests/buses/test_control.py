@@ -218,6 +218,16 @@ def test_an_emergency_stop_is_not_ended_by_a_release_of_the_master_that_came_bef
     assert of(m.Refused, bench.move(900, epoch=9))
 
 
+def test_an_emergency_stop_is_not_ended_by_a_release_that_came_at_the_same_moment(bench: ControlBench) -> None:
+    bench.order("estop", "one")
+    callers = [bench.call(), bench.call()]
+    bench.run(0.03)
+    for caller, verb in zip(callers, ("release", "estop"), strict=True):
+        caller.say(verb, "two")
+    bench.run(0.03)
+    assert bench.order("state")[0]["estop"] == "two"
+
+
 def test_release_lets_it_move_again_but_moves_nothing(bench: ControlBench) -> None:
     bench.move(900)
     bench.order("estop")

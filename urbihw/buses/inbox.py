@@ -92,7 +92,8 @@ class Inbox:
                 self.messages.append(message)
 
     def _receive_commands(self, commands: list[ControlCommand]) -> None:
-        for command in commands:
+        # Those that urge come last: a release of another client that came at the same moment may be the older one.
+        for command in reversed(commands):
             if command.verb == ESTOP:
                 self._drop_releases()
             (self.urgent if command.verb in (STOP, ESTOP) else self.commands).append(command)
