@@ -11,7 +11,7 @@ from urbihw.cli.rows import RowsInPlace
 
 
 def test_rows_fit_the_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("shutil.get_terminal_size", lambda: os.terminal_size((20, 5)))
+    monkeypatch.setattr("shutil.get_terminal_size", lambda *_: os.terminal_size((20, 5)))
     rows, screen = RowsInPlace(), io.StringIO()
     rows.show(screen, ["x" * 72, "short"])
     assert screen.getvalue() == f"\r\x1b[K{'x' * 19}\n\r\x1b[Kshort\n"
