@@ -124,6 +124,9 @@ class Member:
 
     def update_device(self, device: ServoDevice) -> None:
         """Replace the description of the device: it may be in another mode, or be another device."""
+        if device.mode != self.device.mode:
+            # Places of a wheel and of a joint are not counted alike: a jump between them is no motion.
+            self.follower.forget()
         self.device = device
         self.armed = device.setup.get(WATCHDOG, 0) > 0
         if device.table is not self._table:
