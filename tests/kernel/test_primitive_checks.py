@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from typing import Any
 
 import pytest
@@ -53,3 +55,14 @@ def test_each_built_in_of_the_library_finds_the_classes_of_its_arguments() -> No
     checked = [value for value in made if isinstance(value, CheckedPrimitive)]
     assert len(checked) > 500
     assert all(primitive.fn for primitive in checked)
+
+
+def test_a_built_in_that_was_called_keeps_no_kernel_alive() -> None:
+    kernel = Kernel(SimClock())
+    kernel.run_text(kernel.open_lobby(), "[1, 2].size;")
+    world = weakref.ref(kernel.world)
+    kernel.close()
+    del kernel
+    for _ in range(3):
+        gc.collect()
+    assert world() is None

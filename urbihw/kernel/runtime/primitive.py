@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
-from functools import cache
 from itertools import count
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -129,7 +128,6 @@ class Arity(NamedTuple):
     """-1 for any number."""
 
 
-@cache
 def arity_of(function: Function) -> Arity:
     """The numbers of arguments of a checked built-in, beside ``world`` and ``this``."""
     code = function.__code__
