@@ -57,12 +57,16 @@ def test_each_built_in_of_the_library_finds_the_classes_of_its_arguments() -> No
     assert all(primitive.fn for primitive in checked)
 
 
-def test_a_built_in_that_was_called_keeps_no_kernel_alive() -> None:
+@pytest.fixture(scope="module")
+def last_world() -> weakref.ref[World]:
+    """The world of a kernel that is closed; kernels of other fixtures are kept until the end of their test."""
     kernel = Kernel(SimClock())
     kernel.run_text(kernel.open_lobby(), "[1, 2].size;")
-    world = weakref.ref(kernel.world)
     kernel.close()
-    del kernel
+    return weakref.ref(kernel.world)
+
+
+def test_a_built_in_that_was_called_keeps_no_kernel_alive(last_world: weakref.ref[World]) -> None:
     for _ in range(3):
         gc.collect()
-    assert world() is None
+    assert last_world() is None
