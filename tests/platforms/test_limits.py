@@ -131,7 +131,7 @@ def test_heat_warns_then_halves_the_torque_then_lets_go_with_hysteresis() -> Non
     assert lab.register(6, "torque_enable") == 0
 
 
-def reload(lab: Bioloid, limits: dict[str, Any]) -> None:
+def reload(lab: Bioloid | Drives, limits: dict[str, Any]) -> None:
     """Read the settings again, with other limits."""
     lab.robot.configure(RobotSettings(lab.url, 1 / lab.tick, dead_man=0, limits=limits))
     lab.run(0.1)
@@ -197,6 +197,69 @@ def test_a_motor_of_the_nxt() -> None:
     lab.say("wheelL.speed = 100|;", 1.0)
     assert lab.brick.motors[2].power == 20
     assert lab.look("wheelL.limitedBy") == '"limits.C.speed"'
+
+
+@pytest.mark.parametrize("write", ["wheelL.val = wheelL.val + 720|;", "wheelL.val = wheelL.val + 720 time:1s,"])
+def test_a_motor_of_the_nxt_on_its_way_to_a_position(write: str) -> None:
+    lab = Nxt.ready(limits={"speed": 20})
+    motor = lab.brick.motors[2]
+    begin = motor.position
+    lab.say(write)
+    most = 0.0
+    for _ in range(round(5 / lab.tick)):
+        lab.step()
+        most = max(most, abs(motor.speed))
+    assert 150 < most < 185
+    assert motor.position - begin == pytest.approx(720, abs=10)
+
+
+def fastest_drive(lab: Drives, seconds: float) -> float:
+    """The highest speed of a drive's shaft, rad/s, over some time."""
+    machine, most = lab.drive.machine, 0.0
+    for _ in range(round(seconds / lab.tick)):
+        lab.step()
+        most = max(most, abs(machine.speed) * math.tau / machine.increments)
+    return most
+
+
+@pytest.mark.parametrize("write", ["drive5.val = drive5.val + 3|;", "drive5.val = drive5.val + 3 time:1s,"])
+def test_a_drive_on_its_way_to_a_position(write: str) -> None:
+    lab = Drives.ready(limits={"speed": 1.0, "acceleration": 4.0})
+    lab.say("drive5.load = 1|;", 1.0)
+    lab.say(write)
+    assert 0.8 < fastest_drive(lab, 5.0) < 1.05
+    assert lab.number("drive5.val") == pytest.approx(3.0, abs=0.02)
+
+
+def test_a_drive_on_its_way_obeys_limits_that_are_reloaded_and_gets_its_own_speed_back() -> None:
+    lab = Drives.ready()
+    lab.say("drive5.load = 1|;", 1.0)
+    lab.say("drive5.val = 60|;", 1.0)
+    reload(lab, {"speed": 1.0})
+    lab.run(0.3)
+    assert 0.8 < fastest_drive(lab, 1.0) < 1.05
+    lab.say("cia402.stop|;", 0.5)
+    reload(lab, {"speed": 0.5})
+    assert fastest_drive(lab, 0.5) < 0.01
+    reload(lab, {})
+    lab.say("drive5.val = 60|;")
+    assert fastest_drive(lab, 1.0) > 10
+
+
+def test_a_drive_that_refuses_the_limit_of_its_speed_goes_to_no_position(caplog: pytest.LogCaptureFixture) -> None:
+    lab = Drives.ready()
+    lab.drive.refused.add(0x6081)
+    lab.say("drive5.load = 1|;", 1.0)
+    lab.say("drive5.val = 60|;", 1.0)
+    reload(lab, {"speed": 1.0})
+    lab.run(0.3)
+    assert fastest_drive(lab, 0.5) < 0.01
+    lab.say("drive5.val = 60|;")
+    assert fastest_drive(lab, 0.5) < 0.01
+    assert "does not take the limit of its speed (object 6081)" in caplog.text
+    reload(lab, {})
+    lab.say("drive5.val = 60|;")
+    assert fastest_drive(lab, 0.5) > 10
 
 
 def test_bases_and_drives() -> None:

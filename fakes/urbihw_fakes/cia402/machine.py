@@ -86,7 +86,7 @@ class Machine:
         self.mode = 0
         self.position = self.speed = 0.0
         self.target_position = self.target_speed = 0
-        self.profile_speed = 2 * increments
+        self.profile_speed = self._cruise = 2 * increments
         self.acceleration = 20 * increments
         self.quick_deceleration = 100 * increments
         self.limits = (-100 * increments, 100 * increments)
@@ -171,7 +171,7 @@ class Machine:
             return 0.0
         rest = self._goal - self.position
         # As fast as it can still brake, and not past the goal within this step.
-        fast = min(self.profile_speed, self.most_speed, math.sqrt(2 * 0.8 * self.acceleration * abs(rest)))
+        fast = min(self._cruise, self.most_speed, math.sqrt(2 * 0.8 * self.acceleration * abs(rest)))
         return math.copysign(min(fast, abs(rest) / seconds), rest)
 
     def _homing_speed(self) -> float:
@@ -213,6 +213,8 @@ class Machine:
         elif self.state == ENABLED and self.mode == POSITION and not before & _NEW:
             goal = self.position + self.target_position if word & _RELATIVE else self.target_position
             self._goal = max(self.limits[0], min(self.limits[1], goal))
+            # The speed counts from this point on, as with a drive that plans its way when it takes the point.
+            self._cruise = self.profile_speed
             self._acknowledged = True
 
     def _reached(self) -> bool:

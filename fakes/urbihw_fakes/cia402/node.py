@@ -74,10 +74,15 @@ class _Net(canopen.Network):
 
 
 class Drive(CanNode):
-    """A drive with this number, switched on."""
+    """A drive with this number, switched on.
+
+    Attributes:
+        refused: objects that it does not let anybody write, as makers leave some out.
+    """
 
     def __init__(self, number: int = 5) -> None:
         self.number = number
+        self.refused: set[int] = set()
         self.powered = True
         self._start()
 
@@ -268,6 +273,7 @@ class Drive(CanNode):
 
     def _write(self, index: int, subindex: int, od: Any, data: bytes) -> None:
         value, machine = od.decode_raw(data), self.machine
+        _refuse_unless(index not in self.refused)
         match index:
             case 0x1016:
                 # The watch begins with the first heartbeat after it was set (CiA 301, object 0x1016).

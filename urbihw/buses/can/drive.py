@@ -20,6 +20,7 @@ from canopen.nmt import NMT_STATES
 from urbihw.buses.can import cia402 as c
 from urbihw.buses.can.network import PortNetwork
 from urbihw.buses.can.options import LAST_NODE
+from urbihw.buses.can.profile import ProfileSpeed
 from urbihw.buses.errors import Unavailable
 
 MASTER: Final = LAST_NODE + 1
@@ -72,6 +73,7 @@ class CanDrive:
         booted: it reported a restart; its configuration is lost.
         displaced: the NMT state, other than OPERATIONAL, into which another master has put it; "" if none has. Our
             process data do not reach it there (CiA 301, "NMT states and communication objects").
+        profile: the speed with which it goes to a position.
         emergencies: (code, register) of its emergency messages, until `DrivesDriver` posts them.
     """
 
@@ -94,6 +96,7 @@ class CanDrive:
         self._halted = False
         self._point: int | None = None
         self._point_sent = False
+        self._goal: int | None = None
         self._sent: tuple[int, int] | None = None
         self._sent_at = -math.inf
         self._quick = False
@@ -130,6 +133,7 @@ class CanDrive:
                 self._map_torque(period)
             self._node.sdo[c.HEARTBEAT].raw = round(HEARTBEAT_PERIOD_S * 1000)
             info = self._read_info(number, modes)
+            self.profile = ProfileSpeed(self)
             self._node.nmt.state = "OPERATIONAL"
         except _SdoError as error:
             raise Unavailable(f"drive {number} cannot be set up: {error}") from error
@@ -253,7 +257,7 @@ class CanDrive:
         """Power on at standstill; earlier targets are dropped."""
         self.wanted, self._halted, self._quick, self._point = True, False, False, None
         self._mode = c.POSITION if self.info.modes and not self.info.modes & c.CAN_TURN else c.VELOCITY
-        self._homing = False
+        self._homing, self._goal = False, None
         self._send_object(2, c.TARGET_SPEED, 0)
 
     def set_velocity(self, speed: int) -> None:
@@ -270,7 +274,19 @@ class CanDrive:
         """Go to a position, in increments."""
         self._mode, self._halted, self._homing = c.POSITION, False, False
         self._send_object(3, c.TARGET_PLACE, place)
-        self._point, self._point_sent = place, False
+        self._point, self._point_sent, self._goal = place, False, place
+
+    def bound_speed(self, most: float) -> None:
+        """Go to positions no faster than `most`, in increments/s, or than the drive's own setting if that is slower."""
+        if not self.profile.bound(most) or self._goal is None or self._mode != c.POSITION or self._halted:
+            return
+        if not self.wanted or self.state != c.ENABLED or self.status & c.REACHED:
+            return
+        if self.profile.problem:
+            self.halt()
+        else:
+            # It is on its way, and a drive takes the profile velocity when it takes a point.
+            self.set_position(self._goal)
 
     def start_homing(self, method: int) -> None:
         """Look for the home position by a method of 0x6098. Raises SdoAbortedError, SdoCommunicationError."""

@@ -16,7 +16,7 @@ or has restarted, is off until it is switched on again.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -38,6 +38,7 @@ from urbihw.buses.messages import (
     DeviceState,
     Found,
     FromWorker,
+    Limit,
     Refused,
     Reply,
     Request,
@@ -63,6 +64,7 @@ _GOAL_STATES: Final = {
 """Verb -> states in which it is done."""
 _LARGEST: Final = {"velocity": (1 << 31) - 1, "position": (1 << 31) - 1, "torque": (1 << 15) - 1}
 """Target -> largest number of its object."""
+_NO_LIMIT: Final = Limit()
 
 
 @dataclass(frozen=True)
@@ -87,6 +89,8 @@ class DrivesDriver(Driver):
         self._nodes: tuple[int, ...] = ()
         self._period = 0.01
         self._off_on_stop = False
+        self._limits: Mapping[tuple[Any, str], Limit] = {}
+        self._unbound: set[int] = set()
         self._transitions: dict[int, _Transition] = {}
         self._pending_messages: list[FromWorker] = []
         self._beat_at = -math.inf
@@ -117,13 +121,14 @@ class DrivesDriver(Driver):
         if not self._drives:
             raise Unavailable("; ".join(problems) or f"no node answers on {port.url.text}: power, wiring, bitrate?")
         self._lost = {}
+        self._unbound = set(self._drives)
         infos = tuple(drive.info for drive in self._drives.values())
         return [Found(infos), *(DeviceReport(0, "left alone", problem) for problem in problems)]
 
     def detach(self) -> None:
         """Drop the drives of the closed port; their pending requests are answered with an error."""
         self._network = None
-        self._drives = {}
+        self._drives, self._unbound = {}, set()
         why = "the link went down"
         self._pending_messages += [Reply(wait.reply_id, False, error=why) for wait in self._transitions.values()]
         self._transitions = {}
@@ -135,6 +140,7 @@ class DrivesDriver(Driver):
         if network is None:
             return news
         self._send_heartbeat(network, now)
+        self._bound_speeds()
         for drive in self._present_drives():
             self._try_send(lambda drive=drive: drive.send_control_word(now))  # type: ignore[misc]
         meanwhile()
@@ -152,6 +158,7 @@ class DrivesDriver(Driver):
 
     def targets(self, message: Targets) -> list[FromWorker]:
         """Send targets to drives that are present and on; the others drop them."""
+        self._bound_speeds()
         refused: list[FromWorker] = []
         for (number, item), value in message.values.items():
             drive = self._drives.get(number)
@@ -161,6 +168,9 @@ class DrivesDriver(Driver):
             elif drive is not None and number not in self._lost and drive.wanted and drive.state == c.ENABLED:
                 if item == "torque" and not drive.has_torque:
                     refused.append(Refused(number, item, "the drive has no torque mode"))
+                    continue
+                if item == "position" and drive.profile.problem:
+                    refused.append(Refused(number, item, drive.profile.problem))
                     continue
                 actions = {"velocity": drive.set_velocity, "position": drive.set_position, "torque": drive.set_torque}
                 self._try_send(lambda set_target=actions[item], value=value: set_target(value))  # type: ignore[misc]
@@ -215,6 +225,11 @@ class DrivesDriver(Driver):
     def request_moves(self, request: Request) -> bool:
         """True for power on, homing, and writes of objects, which bypass the targets."""
         return request.verb in ("enable", "home", "write")
+
+    def limits_changed(self, limits: Mapping[tuple[Any, str], Limit]) -> None:
+        """Before the next target, bound the speed with which the drives go to positions by themselves."""
+        self._limits = limits
+        self._unbound = set(self._drives)
 
     def pose(self, device: Any, item: str) -> float | None:
         """The position in increments, for the target position; nan before the drive was heard."""
@@ -271,6 +286,12 @@ class DrivesDriver(Driver):
         except BusTimeout:
             # No ACK on the bus; the silence time-out reports the drives.
             self._unsent += 1
+
+    def _bound_speeds(self) -> None:
+        for number in self._unbound - self._lost.keys():
+            self._unbound.discard(number)
+            most = self._limits.get((number, "velocity"), _NO_LIMIT).high
+            self._try_send(lambda drive=self._drives[number], most=most: drive.bound_speed(most))  # type: ignore[misc]
 
     def _start_transition(self, message: Request, drive: CanDrive) -> list[FromWorker]:
         news = self._end_transition(message.device, f"gave way to {message.verb}")
@@ -349,6 +370,7 @@ class DrivesDriver(Driver):
             drive.listen()
             return []
         del self._lost[number]
+        self._unbound.add(number)
         return [DeviceState(number, "lost", "back", ""), DeviceState(number, "back", "ok", "")]
 
     def _check_transition(self, number: int, drive: CanDrive, now: float) -> list[FromWorker]:

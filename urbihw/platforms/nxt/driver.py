@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -25,6 +25,7 @@ from urbihw.buses.messages import (
     DeviceReport,
     Found,
     FromWorker,
+    Limit,
     Refused,
     Reply,
     Request,
@@ -235,6 +236,10 @@ class NxtDriver(Driver):
             return ()
         power = int.from_bytes(telegram[2:3], "little", signed=True)
         return [ImpliedTarget(port, "power", power) for port in p.outputs_of(b"\x00" + telegram)]
+
+    def limits_changed(self, limits: Mapping[tuple[Any, str], Limit]) -> None:
+        """Go to positions with no more than the power that is allowed."""
+        self._motion.limits = limits
 
     def pose(self, device: Any, item: str) -> float | None:
         """Return the rotation count as last read, in degrees, for the goal of a motor; nan before that."""

@@ -9,16 +9,18 @@ Targets (device, item):
     ("brick", "silence")
 
 Positions are controlled here because an NXT motor accepts only powers.  The power is proportional to the remaining
-angle, but at least the power that moves the motor; within a few degrees of the goal the motor holds.
+angle, but at least the power that moves the motor, and at most the limit of the settings; within a few degrees of the
+goal the motor holds.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any, Final
 
 from urbihw.buses.errors import BadValue
+from urbihw.buses.messages import Limit
 from urbihw.platforms.nxt import protocol as p
 from urbihw.platforms.nxt.reading import BRICK
 
@@ -26,6 +28,7 @@ GAIN: Final = 0.6  # power per remaining degree
 LEAST: Final = 8  # power
 MOST: Final = 75
 NEAR: Final = 3  # degrees
+_NO_LIMIT: Final = Limit()
 
 LONGEST_TONE: Final = 65_535  # ms
 _RENEW_S = 60.0  # before the end of the longest tone
@@ -34,9 +37,14 @@ LOWEST_HZ, HIGHEST_HZ = 200, 14_000
 
 class NxtMotion:
     """Collects targets and converts them to telegrams: with a reply in ``next_request``, the rest in
-    ``silent_telegrams``."""
+    ``silent_telegrams``.
+
+    Attributes:
+        limits: the limits of targets by (device, item); the one of its power bounds a motor on its way to a goal, too.
+    """
 
     def __init__(self) -> None:
+        self.limits: Mapping[tuple[Any, str], Limit] = {}
         self._targets: dict[tuple[Any, str], Any] = {}
         self._powers: dict[str, int | None] = {}
         self._goals: dict[str, float] = {}
@@ -108,7 +116,8 @@ class NxtMotion:
         left = goal - rotation
         power = 0
         if abs(left) > NEAR:
-            power = round(math.copysign(min(MOST, max(LEAST, abs(left) * GAIN)), left))
+            most = min(MOST, self.limits.get((device, "power"), _NO_LIMIT).high)
+            power = round(math.copysign(min(most, max(LEAST, abs(left) * GAIN)), left))
         yield from self._set_power(device, power)
 
     def _set_power(self, device: str, power: int | None) -> Iterator[bytes]:
