@@ -133,7 +133,10 @@ def no_daemon_problem(verb: str) -> str:
         return "no daemon answers: start it (urbihw serve)"
     if verb == "release":
         return "no daemon answers: start it (urbihw serve), then release it"
-    return "no daemon answers; if the robot moves, cut its power, or: urbihw stop --direct --config FILE"
+    return (
+        "no daemon answers; if the robot moves, cut its power, or: urbihw stop --direct --config FILE "
+        "(with control in its settings: --socket PATH)"
+    )
 
 
 def complain(text: str, code: int) -> int:
