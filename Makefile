@@ -28,7 +28,7 @@ BIN = .venv/bin
 PIP = $(BIN)/python -m pip --disable-pip-version-check install --quiet --no-compile
 
 # Pieces of `make test`, each to be run alone while working.  Tests in real time (e2e) come last, apart from the hard work;
-# as they mostly wait, there are three for each processor.  Those that fail are run once more, alone: see CONTRIBUTING.md.
+# as they mostly wait, there are two for each processor.  Those that fail are run once more, alone: see CONTRIBUTING.md.
 .PHONY: run test lint types check long bench fuzz mutants hostile witnesses soak deb clean
 
 run: .venv/installed $(if $(filter webots,$(PLATFORM)),.venv/installed-mujoco)
@@ -44,7 +44,7 @@ types: .venv/installed-dev
 
 check: .venv/installed-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m 'not e2e and not long' $(ARGS)
-	$(BIN)/python -m pytest --numprocesses $$((3 * $$(nproc))) --dist loadfile -m 'e2e and not long' $(ARGS) || { [ $$? -eq 1 ] \
+	$(BIN)/python -m pytest --numprocesses $$((2 * $$(nproc))) --dist loadfile -m 'e2e and not long' $(ARGS) || { [ $$? -eq 1 ] \
 	  && echo '*** Tests in real time failed (above).  They are run once more, alone:' \
 	  && $(BIN)/python -m pytest -m 'e2e and not long' --last-failed --last-failed-no-failures none $(ARGS); }
 

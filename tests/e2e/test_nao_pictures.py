@@ -40,7 +40,7 @@ def workers(daemon: Daemon) -> list[int]:
 
 def kill_worker(daemon: Daemon) -> None:
     """Kill it, and wait for the next one."""
-    (worker,) = workers(daemon)
+    worker = min(workers(daemon))  # the younger one is its spare
     os.kill(worker, signal.SIGKILL)
     until(lambda: worker not in workers(daemon) and workers(daemon) != [])
 

@@ -92,12 +92,10 @@ def test_a_program_that_never_gives_way_does_not_hold_the_simulation_and_is_name
     client = daemon.client()
     client.say("wheelL.speed = 1|;")
     client.say("var Global.at0 = webots.time|; loop|{};")
-    until(lambda: "the simulation went on without them" in daemon.log(), log=daemon.log)
-    until(lambda: "no sign of life from the master" in daemon.log(), log=daemon.log)
-    assert "holds the interpreter for more than a second at 2.32-38" in daemon.log()
+    until(lambda: "holds the interpreter for more than 0.5 s at 2.32-38" in daemon.log(), log=daemon.log)
     client.close()
     other = daemon.client()
-    assert float(other.ask("webots.time - at0;")) > 0.2
+    until(lambda: float(other.ask("webots.time - at0;")) > 0.2)
 
 
 @needs_mujoco
