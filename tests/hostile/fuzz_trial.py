@@ -113,7 +113,7 @@ class Trial:
             os.chdir(self._folder)
             try:
                 found = self._play(program)
-            except Exception:
+            except BaseException:  # a signal for a job that comes out here would have ended the daemon
                 found = [f"the kernel fails: {traceback.format_exc()[-2000:]}"]
             told = os.pread(errors, 1 << 16, 0).decode("latin-1")
             if OURS.search(told):

@@ -14,7 +14,7 @@ from urbihw.kernel.sched.group import Group
 from urbihw.kernel.sched.hooks import SchedulerHooks
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.scheduler import Scheduler
-from urbihw.kernel.sched.signals import StopTag
+from urbihw.kernel.sched.signals import JobKilled, StopTag
 from urbihw.kernel.sched.tag import Tag, TagEntry
 from urbihw.kernel.sched.waiting import WaitQueue
 
@@ -47,9 +47,29 @@ class World(SchedulerHooks):
         return self.said
 
 
+class EndedReport(World):
+    """The job is ended while its failure is reported, as by a watchdog."""
+
+    def job_failed(self, job: Job, error: Exception) -> None:
+        super().job_failed(job, error)
+        raise JobKilled
+
+
 @pytest.fixture
 def world() -> World:
     return World()
+
+
+def test_who_is_ended_while_its_failure_is_reported_does_not_end_the_scheduler() -> None:
+    world = EndedReport()
+
+    def fails() -> None:
+        raise ValueError("x")
+
+    job = world.scheduler.spawn(fails, "f")
+    job.when_ended(lambda job: world.said.append(f"{job.name} ended"))
+    world.talker("a", 1)
+    assert world.run() == ["f failed: ValueError('x')", "f ended", "a1"]
 
 
 def test_jobs_take_turns_first_in_first_out(world: World) -> None:

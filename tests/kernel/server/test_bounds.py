@@ -148,6 +148,8 @@ STUBBORN = {
     "background": "loop| { try { loop| {} } catch {} },",
     "after the error": "try { loop| {} } catch { loop| {} },",
     "finally": "try { loop| {} } finally { loop| {} },",
+    "the text of its error": "{ var o = Object.clone | function o.asString() { loop| { try { loop| {} } catch {} } } | "
+                             "throw o },",
 }
 
 

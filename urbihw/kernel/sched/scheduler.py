@@ -26,7 +26,7 @@ from urbihw.kernel.sched.errors import TooManyJobs
 from urbihw.kernel.sched.hooks import SchedulerHooks
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.ready_queue import INTERRUPT, Mark, ReadyQueue
-from urbihw.kernel.sched.signals import JobKilled, takes_precedence
+from urbihw.kernel.sched.signals import JobKilled, JobSignal, takes_precedence
 from urbihw.kernel.sched.timequeue import TimeQueue, Timer
 from urbihw.kernel.sched.trace import Tracer
 
@@ -389,7 +389,12 @@ class Scheduler:
         if job.group is not None:
             job.group.child_ended(job, error)
         elif isinstance(error, Exception):
-            self.hooks.job_failed(job, error)
+            # The report may run the program's own `asString`.  A signal that ends it there must not go further: nothing
+            # is left of the job that could catch it, and it would end the scheduler.
+            try:
+                self.hooks.job_failed(job, error)
+            except JobSignal:
+                pass
         if job.on_end is not None:
             for action in job.on_end:
                 action(job)
