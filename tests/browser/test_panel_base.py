@@ -87,6 +87,7 @@ PAD = """pad => {
 }"""
 
 
+@pytest.mark.long
 def test_a_gamepad_drives_while_a_shoulder_button_is_held_and_its_start_button_stops(
     scenes: Callable[..., Scene], visit: Visit
 ) -> None:
@@ -148,6 +149,7 @@ def test_role_drive_goes_no_faster_than_its_limit(scenes: Callable[..., Scene], 
         visitor.ask("drive", x=0, yaw=0)
 
 
+@pytest.mark.long
 def test_a_loaded_map_is_drawn_with_its_walls_and_a_click_drives_along_a_path(
     scenes: Callable[..., Scene], visit: Visit, tmp_path: Path
 ) -> None:
@@ -186,6 +188,7 @@ def test_a_loaded_map_is_drawn_with_its_walls_and_a_click_drives_along_a_path(
             wait_until(lambda: page.evaluate(walls) == "0")
 
 
+@pytest.mark.long
 def test_a_sound_file_is_played_by_the_loudspeaker(
     scenes: Callable[..., Scene], visit: Visit, tmp_path: Path
 ) -> None:
@@ -218,6 +221,7 @@ def test_a_sound_file_is_played_by_the_loudspeaker(
     page.wait_for_selector("#card-sound :text('no sound that this browser can read')")
 
 
+@pytest.mark.long
 def test_a_spykee_shows_its_picture_lights_its_lamp_and_has_a_page_of_faults(
     scenes: Callable[..., Scene], visit: Visit
 ) -> None:
@@ -240,6 +244,7 @@ def test_a_spykee_shows_its_picture_lights_its_lamp_and_has_a_page_of_faults(
     assert axe_findings(visitor, ("control", "faults")) == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("platform", "cards"),
     [
@@ -262,6 +267,7 @@ def test_each_platform_has_its_cards_and_values_without_a_line_of_its_own(
     assert axe_findings(visitor, ("control",)) == []
 
 
+@pytest.mark.long
 def test_the_world_of_a_simulated_robot_is_shown_and_what_moves_in_it(
     scenes: Callable[..., Scene], visit: Visit
 ) -> None:
@@ -278,6 +284,7 @@ def test_the_world_of_a_simulated_robot_is_shown_and_what_moves_in_it(
     wait_until(lambda: page.evaluate(f"{canvas}.toDataURL()") != before)
 
 
+@pytest.mark.long
 def test_a_slider_in_degrees_goes_at_the_speed_that_is_shown_and_follows_a_motor_that_turns_on(
     scenes: Callable[..., Scene], visit: Visit
 ) -> None:

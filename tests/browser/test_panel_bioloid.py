@@ -179,6 +179,7 @@ def test_a_lost_servo_is_told_among_the_devices_with_advice(panel: Visitor, body
     page.wait_for_selector("[data-device='3']:not(.lost)")
 
 
+@pytest.mark.long
 def test_of_two_browsers_one_drives_until_the_other_takes_over(
     panel: Visitor, scene: Scene, visit: Visit, body: Body
 ) -> None:
@@ -226,6 +227,7 @@ def test_a_browser_comes_back_by_itself_and_says_meanwhile_that_nothing_is_confi
     visitor.errors[:] = [error for error in visitor.errors if "WebSocket connection" not in error]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("dark", "width"),
     [
@@ -238,6 +240,7 @@ def test_axe_finds_nothing_serious(scene: Scene, visit: Visit, dark: bool, width
     assert axe_findings(visitor, ("control", "plots", "console", "jobs", "devices", "log")) == []
 
 
+@pytest.mark.long
 def test_on_a_phone_nothing_is_wider_than_the_screen_and_stop_is_in_view(scene: Scene, visit: Visit) -> None:
     visitor = visit(scene.pair("full", "finn"), width=390, height=800)
     for name in ("control", "plots", "console", "jobs", "devices", "log"):

@@ -117,6 +117,7 @@ def test_role_drive_moves_joints_no_faster_than_its_limit(scene: Scene, visit: V
     assert time.monotonic() - began > 1.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost"])
 def test_a_page_of_another_site_does_not_reach_the_robot(
     scene: Scene, visit: Visit, body: Body, other_site: int, host: str
@@ -147,6 +148,7 @@ def test_a_page_of_another_site_does_not_reach_the_robot(
     page.wait_for_selector("#lamp-server.ok")
 
 
+@pytest.mark.long
 def test_two_browsers_see_the_same_and_each_may_stop(scene: Scene, visit: Visit, body: Body) -> None:
     first, second = visit(scene.pair("full", "anna")), visit(scene.pair("view", "carl"))
     assert first.ask("set", slot="motor6.val", value=0.5)["ok"]

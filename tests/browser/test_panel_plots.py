@@ -41,6 +41,7 @@ def span(visitor: Visitor) -> float:
     return float(visitor.page.locator(".chart").first.get_attribute("data-span") or "nan")
 
 
+@pytest.mark.long
 def test_a_slot_is_dragged_in_and_its_curve_is_saved_zoomed_and_paused(panel: Visitor, tmp_path: Path) -> None:
     page = panel.open("plots")
     page.select_option("#owner", "motor6")
@@ -128,6 +129,7 @@ def test_sixty_slots_at_50_hz_arrive_whole_and_the_page_does_not_grow(panel: Vis
     page.click("button:has-text('Clear')")
 
 
+@pytest.mark.long
 def test_the_console_completes_by_tab_and_recalls_what_was_typed(panel: Visitor, body: Body) -> None:
     page = panel.open("console")
     page.fill("#input", "motor6.torqueLim")
@@ -166,6 +168,7 @@ def test_the_console_completes_by_tab_and_recalls_what_was_typed(panel: Visitor,
     page.wait_for_selector("#output .line.value:has-text('1.1')")
 
 
+@pytest.mark.long
 def test_names_with_markup_are_shown_as_text(panel: Visitor, scenes: Callable[..., Scene]) -> None:
     """Names and texts of programs reach the page in the console, the list of jobs, the log and the events."""
     page = panel.open("console")

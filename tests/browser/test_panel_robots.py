@@ -57,6 +57,7 @@ def pull_the_plug_and_stop(visitor: Visitor) -> None:
     page.wait_for_selector("#stop-line:has-text('Released')")
 
 
+@pytest.mark.long
 def test_a_nao_wakes_up_by_a_button_and_gets_slack_by_a_second_click_only(
     scenes: Callable[..., Scene], visit: Visit
 ) -> None:
@@ -104,6 +105,7 @@ def test_a_base_drives_while_a_key_is_held(
     assert page.evaluate("document.documentElement.scrollWidth") <= width
 
 
+@pytest.mark.long
 def test_a_fallen_segway_says_so_and_why_it_does_not_drive(scenes: Callable[..., Scene], visit: Visit) -> None:
     scene = scenes("segway", simulated=True)
     visitor = visit(scene.pair("full", "bert"))
@@ -181,6 +183,7 @@ def test_nothing_covers_the_bar_when_the_page_is_scrolled(scenes: Callable[..., 
         }"""), step
 
 
+@pytest.mark.long
 def test_a_finger_that_scrolls_over_a_slider_moves_nothing(scenes: Callable[..., Scene], visit: Visit) -> None:
     scene = scenes("so101", simulated=True)
     visitor = visit(scene.pair("full", "emil"), width=PHONE, height=600, finger=True)
@@ -211,6 +214,7 @@ def test_a_finger_that_scrolls_over_a_slider_moves_nothing(scenes: Callable[...,
     wait_until(lambda: told(scene, "state") != before)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("width", "goal"), [pytest.param(DESK, 0.5, marks=pytest.mark.long), (PHONE, 0.2)])
 @pytest.mark.parametrize(
     ("platform", "joint", "word"), [("nao", "HeadYaw", "joints"), ("so101", "wrist_roll", "state")]
@@ -235,6 +239,7 @@ def test_a_slider_moves_a_joint(
     assert page.evaluate("document.documentElement.scrollWidth") <= width
 
 
+@pytest.mark.long
 def test_a_spykee_on_its_dock_says_so_goes_nowhere_and_leaves_it(scenes: Callable[..., Scene], visit: Visit) -> None:
     scene = scenes("spykee", simulated=True)
     visitor = visit(scene.pair("full", "dora"))

@@ -142,6 +142,7 @@ def test_a_slot_without_a_picture_says_so(robot: Robot) -> None:
         robot.pictures("motor6.val", hz=0)
 
 
+@pytest.mark.long
 def test_the_timeout_holds_for_a_server_that_reads_nothing() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         thread = threading.Thread(target=greet_only, args=(server,))

@@ -281,6 +281,7 @@ def test_tokens_that_cannot_be_read_let_nobody_in_and_the_log_says_why(
 # ---------------------------------------------------------------- TLS
 
 
+@pytest.mark.long
 def test_plain_text_on_the_port_of_tls(lan: Lan, caplog: pytest.LogCaptureFixture) -> None:
     told = rf"^127.0.0.1:{lan.port} speaks TLS, and wants a token: --tls"
     with pytest.raises(CliRefused, match=told), LobbyClient(Where("127.0.0.1", lan.port), Credentials()) as link:

@@ -147,6 +147,7 @@ def test_no_server_to_begin_with() -> None:
         talk.close()
 
 
+@pytest.mark.long
 def test_in_a_pipe(server: Server) -> None:
     code, out, err = run("main", "console", f":{server.port}", stdin="var x = 2;\nx * 21;\nsleep(200ms); echo(x)")
     assert (code, err) == (0, "")

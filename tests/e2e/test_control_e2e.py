@@ -235,6 +235,7 @@ def test_direct_stops_wheels(site: Site) -> None:
     assert site.register("moving_speed", 7) & 1023 == 0
 
 
+@pytest.mark.long
 def test_direct_says_who_has_the_port_and_when_nobody_is_there(site: Site) -> None:
     daemon = Daemon(site.folder, "--url", site.robot.url, "--quiet")
     site.daemons.append(daemon)

@@ -191,6 +191,7 @@ def test_a_browser_stops_a_moving_robot_and_sees_its_devices_beside_a_held_inter
     play(tmp_path, WHEEL, ("full", "view"), test)
 
 
+@pytest.mark.long
 def test_eight_browsers_that_flood_do_not_hold_up_a_stop(tmp_path: Path) -> None:
     async def test(made: Scene) -> None:
         full = made.tabs[0]
@@ -226,6 +227,7 @@ def test_a_subscription_tells_which_slots_cannot_be_read(tmp_path: Path) -> None
     play(tmp_path, WHEEL, ("view",), test)
 
 
+@pytest.mark.long
 def test_a_robot_of_another_machine_is_stopped_by_its_daemon_and_told_as_that(tmp_path: Path) -> None:
     async def test(made: Scene) -> None:
         full, view = made.tabs

@@ -187,6 +187,7 @@ def test_a_service_in_another_process_is_called_at_its_own_end_point(rig: Rig, r
         assert rig.ask("call", "ALBattery", "getBatteryCharge").value == 80, "the session goes on"
 
 
+@pytest.mark.long
 def test_a_worker_of_its_own_with_libqi(robot: Robot) -> None:
     told: list[FromWorker] = []
     family = "urbihw.platforms.nao.driver:NaoDriver"

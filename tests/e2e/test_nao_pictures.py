@@ -73,6 +73,7 @@ def test_urbi_image_saves_a_picture(daemon: Daemon, end: NaoEndpoint, tmp_path: 
     assert red > 150 and green < 80 and blue < 80
 
 
+@pytest.mark.long
 def test_a_killed_worker_leaves_no_handle_behind_and_neither_does_the_end(daemon: Daemon, end: NaoEndpoint) -> None:
     client = daemon.client()
     client.ask("camera.formatDetail = 6; camera.load = 1; loop { camera.val | sleep(200ms) },")

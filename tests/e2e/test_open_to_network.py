@@ -156,6 +156,7 @@ def test_the_day_of_a_robot_on_the_network(robot: Robot) -> None:
     assert "Traceback" not in robot.log()
 
 
+@pytest.mark.long
 def test_who_is_removed_is_disconnected_within_seconds(robot: Robot) -> None:
     token = robot.access("add", "alice")
     robot.serve()
@@ -212,6 +213,7 @@ def test_no_is_no(robot: Robot) -> None:
         talk.close()
 
 
+@pytest.mark.long
 def test_a_device_in_a_process_of_its_own_joins_by_tls(robot: Robot) -> None:
     (robot.folder / "adder.py").write_text(REMOTE)
     token = robot.access("add", "camera")

@@ -44,6 +44,7 @@ def test_the_session_of_the_manual_with_the_built_in_fake(serve: Callable[..., D
     until(lambda: float(client.ask("P3dx.body.laser.rate;")) == pytest.approx(10, abs=2))
 
 
+@pytest.mark.long
 def test_a_robot_that_drives_to_a_wall_stops_by_at_sonar(serve: Callable[..., Daemon]) -> None:
     kit = Kit()
     kit.body.set_pose(1.0, 0.0, 0.0)

@@ -73,6 +73,7 @@ def speed(end: Endpoint) -> float:
     return end.call(lambda: base_of(end).body.speed)
 
 
+@pytest.mark.long
 def test_it_drives_over_every_kind_of_link_and_stops_with_its_connection(
     serve: Callable[..., Daemon], end: Endpoint
 ) -> None:

@@ -341,6 +341,7 @@ def refused(*arguments: str) -> str:
     return lines[0]
 
 
+@pytest.mark.long
 def test_what_is_wrong_with_the_set_up_is_said_in_one_line(tmp_path: Path) -> None:
     assert "/dev/null is no serial port" in refused("--platform", "bioloid", "--url", "/dev/null", "--port", "0")
     assert f"{tmp_path} is no serial port but a folder" in refused("--platform", "bioloid", "--url", str(tmp_path))

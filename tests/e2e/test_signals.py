@@ -104,6 +104,7 @@ def test_settings_are_read_again_and_those_that_wait_are_named(serve: Serve) -> 
     assert daemon.reload() == ["urbihw: settings read again; with the next start: host, max_clients"]
 
 
+@pytest.mark.long
 def test_a_file_that_cannot_be_used_is_one_line_and_changes_nothing(serve: Serve, tmp_path: Path) -> None:
     file = tmp_path / "robot.toml"
     file.write_text(LIMITED)

@@ -54,6 +54,7 @@ def serve(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
         yield start
 
 
+@pytest.mark.long
 @needs_mujoco
 def test_the_same_program_twice_gives_the_same_trace(serve: Callable[..., Daemon], tmp_path: Path) -> None:
     program = tmp_path / "trace.u"
@@ -98,6 +99,7 @@ def test_a_program_that_never_gives_way_does_not_hold_the_simulation_and_is_name
     until(lambda: float(other.ask("webots.time - at0;")) > 0.2)
 
 
+@pytest.mark.long
 @needs_mujoco
 def test_a_world_that_is_reloaded_is_back_and_stands(serve: Callable[..., Daemon]) -> None:
     daemon = serve()

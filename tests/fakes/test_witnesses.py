@@ -56,6 +56,7 @@ def test_dynamixel_sdk_protocol_1(port: Any) -> None:
     assert handler.write1ByteTxRx(port, 2, 25, 2) == (0, 8)
 
 
+@pytest.mark.long
 def test_dynamixel_sdk_protocol_2(port: Any, robot: PtyEndpoint) -> None:
     handler = dynamixel_sdk.PacketHandler(2.0)
     assert handler.ping(port, 11) == (1200, 0, 0)

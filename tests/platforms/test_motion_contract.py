@@ -1,8 +1,8 @@
 """What every platform owes to the client that stops its robot: its body stands, soon, and stays so.
 
 All platforms, all kinds of motion, all events that can be had in simulated time.  A platform takes part by the
-``MOTION`` of its ``<name>_lab.py``; see ``motions``.  `make test` plays each third case, so that each kind meets two or
-three events, and each event meets each third kind; `make long` plays the others.  The rest, with real processes:
+``MOTION`` of its ``<name>_lab.py``; see ``motions``.  `make test` plays each fourth case, so that each kind meets two
+events, and each event meets each fourth kind; `make long` plays the others.  The rest, with real processes:
 ``tests/e2e/test_faults.py``.
 """
 
@@ -25,7 +25,7 @@ GAP = 0.3
 """Seconds in which a worker is replaced."""
 LOST = 1.0
 """Seconds without a link."""
-FEWER = 3
+FEWER = 4
 """One case in so many is no long test."""
 FASTER = 1.1
 """How much faster than itself a movement may be that goes on after a lost link."""
