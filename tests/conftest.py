@@ -96,7 +96,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Leave out files without tests of the kind that `make check` asks for: each of several workers would import all."""
+    """Leave out files without tests of the kind that `make check` asks for; each worker would import them all."""
     kind = config.getoption("markexpr")
     if collection_path.is_dir():
         return True if collection_path == E2E and kind.startswith("not e2e") else None
