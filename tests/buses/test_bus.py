@@ -273,6 +273,19 @@ def test_scan_detects_two_devices_with_one_id(rig: Rig, delay: int) -> None:
 
 
 @both_back_ends
+@pytest.mark.parametrize("late", [0.004, 0.016])
+def test_scan_detects_two_devices_with_one_id_whose_answers_come_late(rig: Rig, late: float) -> None:
+    twin = Ax12(6)
+    twin.registers.put("return_delay", 0)
+    twin.set_baud(1_000_000)
+    rig.kit.add(twin)
+    rig.kit.faults.start("late", amount=late)
+    found = scan(rig.bus())
+    assert found.conflicts == (6,)
+    assert len(found.devices) == 18
+
+
+@both_back_ends
 def test_scan_detects_a_conflict_in_protocol_2(x_rig: Rig) -> None:
     from urbihw_fakes.dynamixel.xseries import XSeries
 

@@ -109,7 +109,6 @@ class _Sweep:
         """Return the first answer of each id, and the ids that left traces of trouble."""
         bus = self._bus
         wait = packet.OVERHEAD[bus.protocol] * bus.link.byte_time + _SLOT
-        before = -1
         for device in ids:
             if self._urgent():
                 # A late answer to a ping must not collide with the next packet.
@@ -124,11 +123,17 @@ class _Sweep:
             self._sent[device] = now + len(ping) * bus.link.byte_time
             self._listen(device, self._sent[device] + wait)
             # In protocol 2.0 an echo is noise to the decoder, so its bytes tell nothing.
-            if self._decoder.noise - noise > (len(ping) if bus.echo and bus.protocol == 2 else 0):
-                self._doubtful |= {device, before} - {-1}
-            before = device
-        self._listen(-1, bus.clock.now() + self._last_wait)
+            self._doubt_if_noisy(noise + (len(ping) if bus.echo and bus.protocol == 2 else 0), now)
+        noise, now = self._decoder.noise, bus.clock.now()
+        self._listen(-1, now + self._last_wait)
+        self._doubt_if_noisy(noise, now)
         return self._heard, self._doubtful
+
+    def _doubt_if_noisy(self, before: int, since: float) -> None:
+        """Doubt the ids that may have caused noise since a time: it comes as late as any other answer may."""
+        if self._decoder.noise > before:
+            late = since - self._last_wait
+            self._doubtful.update(device for device, sent in self._sent.items() if sent > late)
 
     def _listen(self, device: int, until: float) -> None:
         """Assign answers until `device` has answered or time `until`."""
