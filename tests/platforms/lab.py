@@ -30,6 +30,7 @@ from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.uobject import DeviceError, RobotSettings
 from urbihw.platforms import find, load
 from urbihw.platforms.base import WiredRobot
+from urbihw.robot import ROBOT_LIBRARY
 from urbihw_fakes.console import Command, Console
 from urbihw_fakes.device import Answer, Device
 
@@ -105,7 +106,7 @@ class RobotLab:
         limits, resume, devices = options.pop("limits", {}), options.pop("resume", True), options.pop("devices", {})
         self.clock = SimClock()
         self.bus_clock = BusClock(START)
-        self.kernel = Kernel(self.clock)
+        self.kernel = Kernel(self.clock, libraries=(ROBOT_LIBRARY,))
         self.lobby = self.kernel.open_lobby()
         self.observer = self.kernel.open_lobby()
         self.opened: list[DeviceError | None] = []

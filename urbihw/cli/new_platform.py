@@ -18,6 +18,7 @@ from typing import Final
 from urbihw.cli.options import CliRefused
 from urbihw.exitcodes import EX_CONFIG
 from urbihw.kernel import Kernel
+from urbihw.robot import ROBOT_LIBRARY
 
 SKELETON: Final = Path(__file__).with_name("skeleton")
 SUFFIX: Final = ".tmpl"
@@ -94,7 +95,7 @@ def _check_name(name: str) -> None:
         )
     if keyword.iskeyword(name) or name in RESERVED:
         raise CliRefused(f"{name!r} means something else already: take another name", EX_CONFIG)
-    kernel = Kernel()
+    kernel = Kernel(libraries=(ROBOT_LIBRARY,))
     lobby = kernel.open_lobby()
     names = ", ".join(f'Global.hasSlot("{each}")' for each in (name, name.capitalize()))
     lobby.output.take_bytes()
