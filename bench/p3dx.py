@@ -108,8 +108,8 @@ def served(packets: list[bytes], script: str) -> Callable[[int], object]:
     manifest = find("p3dx")
     for kind in (P3dx, *P3dx.classes):
         kernel.host.register(kind)
-    for name in manifest.library:
-        kernel.host.run((manifest.folder / name).read_text("latin-1"), name)
+    for path in manifest.library_files():
+        kernel.host.run(path.read_text("latin-1"), path.name)
         kernel.scheduler.run_simulated(clock.now())
     robot = kernel.host.create(P3dx, "P3dx")
     posts: list[Callable[[m.FromWorker], None]] = []

@@ -12,7 +12,6 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from multiprocessing import Pipe
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar, Self
 
@@ -117,8 +116,8 @@ class RobotLab:
         assert issubclass(kind, WiredRobot)
         for known in (kind, *kind.classes):
             host.register(known)
-        for name in manifest.library:
-            host.run((manifest.folder / name).read_text("latin-1"), Path(name).name, self._loaded)
+        for path in manifest.library_files():
+            host.run(path.read_text("latin-1"), path.name, self._loaded)
         self.robot = host.create(kind, manifest.slot)
         self.robot.start_worker = self._start
         self.robot.bus_time = self.bus_clock.now

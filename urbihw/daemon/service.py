@@ -153,9 +153,9 @@ class DaemonService:
         for known in (kind, *kind.classes):
             kernel.host.register(known)
         _show_to_load(manifest.folder)
-        for name in manifest.library:
+        for path in manifest.library_files():
             # Users know the library by its names, not where it is installed.
-            await self._load(manifest.folder / name, Path(name).name)
+            await self._load(path, path.name)
         try:
             await self._open(manifest, kind)
         except DeviceError as error:
