@@ -36,6 +36,7 @@ from urbihw.platforms.p3dx.handshake import ArcosRobotInfo
 from urbihw.platforms.p3dx.packets import parse_config
 from urbihw.platforms.p3dx.protocol import ArcosFramer
 from urbihw.platforms.p3dx.robot import P3dx
+from urbihw.robot import ROBOT_LIBRARY
 from urbihw_fakes.p3dx.codec import arcos_packet
 from urbihw_fakes.p3dx.sips import SipFields
 
@@ -103,12 +104,12 @@ class Deaf:
 def served(packets: list[bytes], script: str) -> Callable[[int], object]:
     """What serves the n-th packet to urbiscript, on a kernel in simulated time."""
     clock = SimClock()
-    kernel = Kernel(clock)
+    kernel = Kernel(clock, libraries=(ROBOT_LIBRARY,))
     manifest = find("p3dx")
     for kind in (P3dx, *P3dx.classes):
         kernel.host.register(kind)
-    for name in manifest.library:
-        kernel.host.run((manifest.folder / name).read_text("latin-1"), name)
+    for path in manifest.library_files():
+        kernel.host.run(path.read_text("latin-1"), path.name)
         kernel.scheduler.run_simulated(clock.now())
     robot = kernel.host.create(P3dx, "P3dx")
     posts: list[Callable[[m.FromWorker], None]] = []

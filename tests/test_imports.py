@@ -58,17 +58,28 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     ),
     "urbihw.kernel.server": ("urbihw.kernel.errors", "urbihw.kernel.lobby", "urbihw.kernel.sched", "urbihw.repeats"),
     "urbihw.kernel.boot": ("urbihw.kernel",),
+    # The door for libraries beside the standard one.
+    "urbihw.kernel.library": (
+        "urbihw.kernel.errors",
+        "urbihw.kernel.value",
+        "urbihw.kernel.runtime",
+        "urbihw.kernel.sched",
+        "urbihw.kernel.stdlib",
+    ),
     "urbihw.kernel.facade": (
         "urbihw.kernel.errors",
         "urbihw.kernel.boot",
         "urbihw.kernel.lobby",
         "urbihw.kernel.sched",
+        "urbihw.kernel.stdlib",
         "urbihw.kernel.uobject",
     ),
     "urbihw.kernel.stages": ("urbihw.kernel.errors", "urbihw.kernel.compiler", "urbihw.kernel.syntax"),
     "urbihw.kernel": ("urbihw.kernel.facade",),
     # The process around a kernel: what a daemon, a console and a remote have in common.
     "urbihw.kernel.process": ("urbihw.kernel.facade", "urbihw.kernel.server"),
+    # What all robots have in common in urbiscript.
+    "urbihw.robot": ("urbihw.kernel.library",),
     # What a setting may be: of the daemon, of a platform, of a bus url.
     "urbihw.settings": (),
     # Files that a user names.
@@ -163,6 +174,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.kernel.facade",
         "urbihw.kernel.server",
         "urbihw.kernel.lobby",
+        "urbihw.robot",
         "urbihw.platforms",
         # The world of a simulated robot.
         "urbihw.platforms.scene",
@@ -188,6 +200,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.kernel.facade",
         "urbihw.kernel.server",
         "urbihw.kernel.lobby",
+        "urbihw.robot",
         "urbihw.platforms",
         "urbihw.buses",
         "urbihw.settings",
@@ -214,7 +227,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.buses.verdict": (),
     # A process with devices of its own has a kernel, and a link to the kernel of a server.
     "urbihw.remote": (
-        "urbihw.kernel.process", "urbihw.kernel.uobject", "urbihw.kernel.uremote", "urbihw.client",
+        "urbihw.kernel.process", "urbihw.kernel.uobject", "urbihw.kernel.uremote", "urbihw.robot", "urbihw.client",
         "urbihw.backoff", "urbihw.exitcodes",
     ),  # fmt: skip
     # How a server is reached.  What it says is read in one place, for commands and for devices in another process.
@@ -360,6 +373,8 @@ BROKEN = [
     ("urbihw/kernel/runtime/a.py", "def f():\n    import urbihw.kernel.compiler.bind", "urbihw.kernel.compiler.bind"),
     ("urbihw/kernel/facade.py", "from urbihw.kernel.runtime import world", "urbihw.kernel.runtime"),
     ("urbihw/kernel/server/a.py", "from urbihw.kernel import facade", "urbihw.kernel.facade"),
+    ("urbihw/kernel/stdlib/a.py", "from urbihw.robot import interface", "urbihw.robot"),
+    ("urbihw/robot/a.py", "from urbihw.kernel.runtime.object import Obj", "urbihw.kernel.runtime.object"),
     ("urbihw/buses/a.py", "from urbihw.kernel import Kernel", "urbihw.kernel"),
     ("urbihw/platforms/bioloid/a.py", "from urbihw.platforms.nxt import b", "urbihw.platforms.nxt"),
     ("urbihw/platforms/bioloid/a.py", "from urbihw.kernel.runtime.object import Obj", "urbihw.kernel.runtime.object"),

@@ -5,6 +5,7 @@ end of its input, and carries out what is typed (say `help`). With --json it tal
 its words, and each line of input is answered by one line of JSON.
 
 A robot is a package here with a module `start`: a line of help, its options, and how it is started from them.
+Other packages name such modules by entry points of the group `urbihw.fakes`.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from urbihw_fakes.errors import FakeError, UnknownRequest
 from urbihw_fakes.serving import Endpoint
 
 EXIT_CONFIG = 78
+ENTRY_POINTS = "urbihw.fakes"
 
 
 class Start(Protocol):
@@ -40,14 +42,33 @@ class Start(Protocol):
 
 
 def robots() -> dict[str, Start]:
-    """The robots there are, by the names of their packages."""
+    """The robots of this package, by the names of their folders."""
     names = sorted(path.parent.name for path in Path(__file__).parent.glob("*/start.py"))
     return {name: cast(Start, import_module(f"urbihw_fakes.{name}.start")) for name in names}
 
 
+def outside_robots() -> dict[str, Start]:
+    """The robots of other packages; one that fails is left out, and named on standard error."""
+    # Imported here because it costs 15 ms, and most robots are of this package.
+    from importlib.metadata import entry_points
+
+    found = {}
+    for entry in entry_points(group=ENTRY_POINTS):
+        try:
+            found[entry.name] = cast(Start, import_module(entry.value))
+        except Exception as error:
+            wheel = entry.dist.name if entry.dist is not None else entry.value
+            why = " ".join(str(error).split())
+            print(f"fakes: {entry.name} of {wheel}: {type(error).__name__}: {why}", file=sys.stderr)
+    return found
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return the exit code."""
+    arguments = sys.argv[1:] if arguments is None else arguments
     known = robots()
+    if not {*arguments} & known.keys():
+        known = outside_robots() | known
     options = _parser(known).parse_args(arguments)
     try:
         if getattr(options, "refused_world", None):

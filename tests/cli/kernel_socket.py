@@ -18,6 +18,7 @@ from urbihw.client.where import Where
 from urbihw.kernel import Kernel
 from urbihw.kernel.facade import HostProcess
 from urbihw.kernel.sched.clock import SimClock
+from urbihw.robot import ROBOT_LIBRARY
 
 SILENCE_S = 60.0
 """Seconds of the kernel for which a client waits for bytes."""
@@ -33,7 +34,7 @@ class KernelSocket:
     """
 
     def __init__(self, setup: str = "", *, quiet: bool = True, interrupt: bool = False) -> None:
-        self.kernel = Kernel(SimClock(), process=HostProcess(shutdown=self.close))
+        self.kernel = Kernel(SimClock(), process=HostProcess(shutdown=self.close), libraries=(ROBOT_LIBRARY,))
         self.sent = b""
         self._interrupt = interrupt
         self._waited = 0.0

@@ -6,9 +6,11 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
+from outside_package import install_outside
 
 from urbihw.cli.main import main
 
@@ -58,6 +60,13 @@ def test_nothing_is_overwritten(tree: Path, taken: str, capsys: Capture) -> None
     (tree / taken).parent.mkdir(exist_ok=True)
     (tree / taken).write_text("mine")
     assert "is there already" in refused(tree, "toy", capsys)
+
+
+def test_a_package_overwrites_nothing(tmp_path: Path, capsys: Capture) -> None:
+    (tmp_path / "pyproject.toml").write_text("mine")
+    assert main(("new-platform", "toy", "--package", str(tmp_path))) == 78
+    assert "pyproject.toml is there already" in capsys.readouterr().err
+    assert files(tmp_path) == [tmp_path / "pyproject.toml"]
 
 
 def test_a_folder_that_is_no_clone(tmp_path: Path, capsys: Capture) -> None:
@@ -122,12 +131,12 @@ def test_the_skeleton_holds_every_contract_as_it_is(clone: Path) -> None:
     assert " passed" in done.stdout
 
 
-@pytest.mark.e2e
-def test_the_skeleton_is_served(clone: Path, tmp_path: Path) -> None:
-    settings = tmp_path / "urbihw.toml"
-    settings.write_text(f'port = 0\nsocket = "{tmp_path}/client.sock"\ncontrol = "{tmp_path}/control.sock"\n')
-    here = ("--config", str(settings))
-    with subprocess.Popen((*recipe()[1], *here), cwd=clone, env=in_clone(clone), stderr=subprocess.PIPE) as daemon:
+def serve_a_wheel(command: Sequence[str], where: Path, environment: dict[str, str], folder: Path) -> None:
+    """Serve the skeleton until its robot is there."""
+    settings = folder / "urbihw.toml"
+    settings.write_text(f'port = 0\nsocket = "{folder}/client.sock"\ncontrol = "{folder}/control.sock"\n')
+    words = (*command, "--config", str(settings))
+    with subprocess.Popen(words, cwd=where, env=environment, stderr=subprocess.PIPE) as daemon:
         try:
             assert daemon.stderr is not None
             line = next((line for line in daemon.stderr if b"1 wheel" in line), b"")
@@ -136,3 +145,14 @@ def test_the_skeleton_is_served(clone: Path, tmp_path: Path) -> None:
             daemon.terminate()
             daemon.communicate(timeout=60)
     assert daemon.returncode == 0
+
+
+@pytest.mark.e2e
+def test_the_skeleton_is_served(clone: Path, tmp_path: Path) -> None:
+    serve_a_wheel(recipe()[1], clone, in_clone(clone), tmp_path)
+
+
+@pytest.mark.e2e
+def test_the_skeleton_is_served_as_a_package_of_its_own(tmp_path: Path) -> None:
+    install_outside(tmp_path / "site", "toy")
+    serve_a_wheel(recipe()[1], tmp_path, {**os.environ, "PYTHONPATH": str(tmp_path / "site")}, tmp_path)

@@ -16,6 +16,7 @@ from urbihw.daemon.access_policy import AccessPolicy
 from urbihw.kernel import Kernel
 from urbihw.kernel.server.loop import LoopDriver
 from urbihw.kernel.server.tcp import Server
+from urbihw.robot import ROBOT_LIBRARY
 
 T = TypeVar("T")
 
@@ -49,7 +50,7 @@ class Lan:
 
     async def _serve(self) -> None:
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
-        kernel = self.kernel = Kernel()
+        kernel = self.kernel = Kernel(libraries=(ROBOT_LIBRARY,))
         driver = LoopDriver(kernel.scheduler)
         self.server = Server(driver, kernel.open_lobby)
         authenticator = Authenticator(self.tokens)

@@ -254,7 +254,9 @@ WITH_FAKE = [each for each in platforms.folders() if platforms.read(each).fake]
 
 
 @pytest.mark.parametrize("folder", WITH_FAKE, ids=lambda folder: folder.name)
-def test_direct_knows_every_platform(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_direct_knows_every_platform(
+    folder: platforms.PlatformFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     name = folder.name
     fake = subprocess.Popen(

@@ -20,6 +20,7 @@ from lark.load_grammar import load_grammar
 
 from urbihw.kernel import Kernel
 from urbihw.kernel.syntax.tables import GRAMMAR
+from urbihw.robot import ROBOT_LIBRARY
 
 OUTSIDE = frozenset((
     "system", "File", "Directory", "OutputStream", "InputStream", "Path", "Process", "Socket", "Server", "IoService",
@@ -51,7 +52,7 @@ MODIFIERS = ("time", "speed", "sin", "cos", "ampli", "phase", "smooth", "accel",
 @cache
 def library() -> dict[str, tuple[str, ...]]:
     """Classes by their names in Global, and their own slots."""
-    world: Any = Kernel(fast=True).world
+    world: Any = Kernel(fast=True, libraries=(ROBOT_LIBRARY,)).world
     found = {}
     for name, value in world.global_.slots.items():
         slots = getattr(world.peek_obj(value), "slots", None)

@@ -25,6 +25,7 @@ from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.sched.breaker import Breaker
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.sched.signals import JobKilled
+from urbihw.robot import ROBOT_LIBRARY
 
 TIMEOUT_S = 20.0
 """Seconds of real time after which a program hangs."""
@@ -65,7 +66,7 @@ class Trial:
     def __init__(self, folder: Path, kernel: Kernel | None = None, patience: float = TIMEOUT_S) -> None:
         self._folder = folder
         self._patience = patience
-        self._kernel = kernel or Kernel(fast=True)
+        self._kernel = kernel or Kernel(fast=True, libraries=(ROBOT_LIBRARY,))
         self._scheduler = self._kernel.scheduler
         self._scheduler.max_jobs_per_context = JOBS
         self._rounds = 0

@@ -22,6 +22,7 @@ from hypothesis.configuration import set_hypothesis_home_dir
 
 from urbihw.kernel import Kernel
 from urbihw.kernel.runtime.code import Primitive
+from urbihw.robot import ROBOT_LIBRARY
 
 SECONDS = float(os.environ.get("URBIHW_FUZZ_SECONDS", "10"))
 SEED = int(os.environ.get("URBIHW_SEED", "1"))
@@ -99,7 +100,7 @@ FAULTY: dict[str, tuple[Callable[..., object], str]] = {
 @pytest.mark.parametrize("kind", FAULTY)
 def test_a_fault_is_found(tmp_path: Path, kind: str) -> None:
     does, wanted = FAULTY[kind]
-    kernel = Kernel(fast=True)
+    kernel = Kernel(fast=True, libraries=(ROBOT_LIBRARY,))
     world = kernel.world
     world.global_.slots["fault"] = Primitive(world, "fault", does, 0, 0)
     world.flush()

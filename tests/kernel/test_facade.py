@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
+
+import pytest
 
 from urbihw.kernel import Kernel
+from urbihw.kernel.facade import Library
 from urbihw.kernel.sched.clock import SimClock
 
 
@@ -59,3 +63,27 @@ def test_the_last_objects_of_a_closed_kernel_begin_no_jobs() -> None:
     kernel.close()
     del kernel.world.global_.slots["last"]
     assert not kernel.scheduler.jobs
+
+
+def test_a_kernel_has_the_libraries_that_it_was_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "gardens"
+    folder.mkdir()
+    (folder / "__init__.py").touch()
+    (folder / "garden.py").write_text(
+        '"""Garden: what grows."""\n'
+        "from urbihw.kernel.library import Table\n"
+        'TABLE = Table("Garden")\n'
+        '@TABLE.primitive("beds")\n'
+        "def beds(world, this):\n"
+        '    """The number of beds."""\n'
+        "    return 3.0\n"
+    )
+    (folder / "garden.u").write_text("// Twice the beds.\nfunction Garden.twice() { 2 * beds };\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    kernel = Kernel(fast=True, libraries=[Library("gardens", ("garden",))])
+    lobby = kernel.open_lobby()
+    assert kernel.run_text(lobby, "Garden.twice;") == "[00000000] 6\n"
+    assert kernel.run_text(lobby, 'System.documentation(Garden, "twice");') == '[00000000] "Twice the beds."\n'
+    assert kernel.run_text(lobby, 'System.documentation(Global, "Garden");') == '[00000000] "what grows."\n'
+    without = Kernel(fast=True)
+    assert without.run_text(without.open_lobby(), 'Global.hasSlot("Garden");') == "[00000000] false\n"

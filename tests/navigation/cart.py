@@ -16,6 +16,7 @@ from urbihw.navigation.frames import Point, Pose
 from urbihw.navigation.navigator import Navigator
 from urbihw.navigation.odometry import Odometry
 from urbihw.navigation.options import NavigationOptions
+from urbihw.robot import ROBOT_LIBRARY
 
 STEP_S = 0.1
 
@@ -85,7 +86,7 @@ class Garage:
     """A kernel with a cart in it, in simulated time."""
 
     def __init__(self) -> None:
-        self.kernel = Kernel(SimClock())
+        self.kernel = Kernel(SimClock(), libraries=(ROBOT_LIBRARY,))
         self.lobby = self.kernel.open_lobby()
         self.cart = self.kernel.host.create(Cart, "cart")
         base: DrivenBase = self.cart

@@ -12,7 +12,6 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from multiprocessing import Pipe
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, ClassVar, Self
 
@@ -30,6 +29,7 @@ from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.uobject import DeviceError, RobotSettings
 from urbihw.platforms import find, load
 from urbihw.platforms.base import WiredRobot
+from urbihw.robot import ROBOT_LIBRARY
 from urbihw_fakes.console import Command, Console
 from urbihw_fakes.device import Answer, Device
 
@@ -105,7 +105,7 @@ class RobotLab:
         limits, resume, devices = options.pop("limits", {}), options.pop("resume", True), options.pop("devices", {})
         self.clock = SimClock()
         self.bus_clock = BusClock(START)
-        self.kernel = Kernel(self.clock)
+        self.kernel = Kernel(self.clock, libraries=(ROBOT_LIBRARY,))
         self.lobby = self.kernel.open_lobby()
         self.observer = self.kernel.open_lobby()
         self.opened: list[DeviceError | None] = []
@@ -116,8 +116,8 @@ class RobotLab:
         assert issubclass(kind, WiredRobot)
         for known in (kind, *kind.classes):
             host.register(known)
-        for name in manifest.library:
-            host.run((manifest.folder / name).read_text("latin-1"), Path(name).name, self._loaded)
+        for path in manifest.library_files():
+            host.run(path.read_text("latin-1"), path.name, self._loaded)
         self.robot = host.create(kind, manifest.slot)
         self.robot.start_worker = self._start
         self.robot.bus_time = self.bus_clock.now

@@ -22,6 +22,7 @@ from urbihw.buses.engine import Engine
 from urbihw.kernel import Kernel
 from urbihw.kernel.uobject import RobotSettings, UObject
 from urbihw.kernel.uremote.bridge import Bridge
+from urbihw.robot import ROBOT_LIBRARY
 
 Numbers = tuple[float, ...]
 
@@ -141,7 +142,7 @@ class Remote:
 
     def __init__(self, kernel: Kernel, clock: Any) -> None:
         self._server = kernel
-        self._devices = Kernel(clock)
+        self._devices = Kernel(clock, libraries=(ROBOT_LIBRARY,))
         self._devices.host.register(Mover)
         self._there: list[bytes | memoryview] = []
         self._bridge = Bridge(self._devices.host, "mover_1", self._there.extend)

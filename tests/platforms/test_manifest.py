@@ -9,17 +9,17 @@ import pytest
 
 from urbihw import platforms
 from urbihw.kernel.uobject import BadConfig, PlatformRobot
-from urbihw.platforms.manifest import BadManifest, UsbId, read
+from urbihw.platforms.manifest import BadManifest, PlatformFolder, UsbId, read
 
 GOOD = 'name = "toy"\ntitle = "A toy"\nrobot = "robot:Toy"\nslot = "toy"\n'
 
 
-def toy(root: Path, text: str = GOOD, code: str = "") -> Path:
+def toy(root: Path, text: str = GOOD, code: str = "") -> PlatformFolder:
     folder = root / "toy"
     folder.mkdir()
     (folder / "platform.toml").write_text(text)
     (folder / "robot.py").write_text(code)
-    return folder
+    return PlatformFolder("toy", folder, "urbihw.platforms.toy")
 
 
 def test_all_of_ours_are_sound_and_their_robots_are_robots() -> None:
@@ -77,4 +77,4 @@ def test_what_is_wrong_is_said_in_plain_words(tmp_path: Path, text: str, words: 
     with pytest.raises(BadManifest) as caught:
         read(folder)
     assert words in str(caught.value)
-    assert str(caught.value).startswith(str(folder / "platform.toml"))
+    assert str(caught.value).startswith(str(folder.path / "platform.toml"))

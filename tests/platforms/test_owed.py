@@ -16,6 +16,7 @@ from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.uobject.protection import protect_robot
 from urbihw.platforms import find, folders
+from urbihw.robot import ROBOT_LIBRARY
 
 APART = 0.1
 """Seconds between two stops that are not the same one."""
@@ -152,7 +153,7 @@ def test_a_robot_that_is_protected_after_the_start_is_no_change(caplog: pytest.L
 
 
 def test_the_state_of_a_behaviour_of_the_robot_is_not_put_back() -> None:
-    kernel = Kernel(clock=SimClock())
+    kernel = Kernel(clock=SimClock(), libraries=(ROBOT_LIBRARY,))
     kernel.host.run("class Global.behaviour { var running = nil; };", "behaviour.u")
     kernel.scheduler.run_simulated(0.1)
     kernel.complete()

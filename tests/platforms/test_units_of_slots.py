@@ -12,10 +12,9 @@ from lab import RobotLab
 from nxt_lab import Lab as Nxt
 from slot_units import UnitTable
 
-from urbihw.kernel.stdlib.device_slots import SlotRow
-from urbihw.kernel.stdlib.documentation import Docstrings
 from urbihw.kernel.uobject.uobject import UObjectFace
 from urbihw.platforms import folders
+from urbihw.robot.device_slots import SlotRow, rows_of
 from urbihw_fakes.bioloid import Bioloid as Kit
 
 
@@ -30,8 +29,7 @@ class Shown(NamedTuple):
 def devices_of(lab: RobotLab) -> list[Shown]:
     """All devices of a robot, and ``robot`` itself."""
     world = lab.kernel.host.world
-    docstrings = Docstrings(world)
-    found = [Shown(("robot",), docstrings.table(world.global_.slots["robot"]))]
+    found = [Shown(("robot",), rows_of(world, world.global_.slots["robot"]))]
     names: dict[int, list[str]] = {}
     for name, value in world.global_.slots.items():
         names.setdefault(id(value), []).append(name)
@@ -39,7 +37,7 @@ def devices_of(lab: RobotLab) -> list[Shown]:
         if isinstance(face, UObjectFace) and face.python is not None:
             model = face.python.variables.get("modelName")
             said = ([str(model.sensed)] if model else []) + names.get(id(face), []) + [face.kind.__name__]
-            found.append(Shown(tuple(said), docstrings.table(face)))
+            found.append(Shown(tuple(said), rows_of(world, face)))
     return found
 
 
@@ -123,7 +121,7 @@ def test_the_raw_value_of_the_light_sensor_is_no_ratio() -> None:
 def test_help_tells_the_age_of_a_device_in_seconds() -> None:
     lab = Bioloid.ready(Kit(servos=(6,), sensors=(), baud=BAUD))
     world = lab.kernel.host.world
-    rows = {row.name: row for row in Docstrings(world).table(world.global_.slots["motor6"])}
+    rows = {row.name: row for row in rows_of(world, world.global_.slots["motor6"])}
     assert lab.look("motor6.age->unit") == '"s"'
     assert (rows["age"].unit, 0 <= float(rows["age"].value) < 0.1) == ("s", True)
 

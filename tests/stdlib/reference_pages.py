@@ -14,6 +14,7 @@ from typing import Any
 from urbihw.kernel import Kernel
 from urbihw.kernel.runtime.code import Code, LazyPrimitive, Primitive
 from urbihw.kernel.stdlib.documentation import Docstrings
+from urbihw.robot import ROBOT_LIBRARY
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "reference"
 EXAMPLES = "## Examples\n"
@@ -41,7 +42,7 @@ class Pages:
     """The pages of one world's library."""
 
     def __init__(self) -> None:
-        self._world = Kernel(fast=True).world
+        self._world = Kernel(fast=True, libraries=(ROBOT_LIBRARY,)).world
         self._docs = Docstrings(self._world)
 
     def all(self) -> dict[str, str]:

@@ -16,7 +16,8 @@ from library_samples import SAMPLES
 from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.runtime.code import Primitive
-from urbihw.kernel.stdlib.sampling import feeds_of
+from urbihw.robot import ROBOT_LIBRARY
+from urbihw.robot.sampling import feeds_of
 
 LEFT_OUT = {
     ("System", "_exit"): "does not return",
@@ -47,7 +48,7 @@ class Bench:
     """One kernel, and values made by urbiscript."""
 
     def __init__(self, name: str) -> None:
-        self.kernel = Kernel(fast=True)
+        self.kernel = Kernel(fast=True, libraries=(ROBOT_LIBRARY,))
         self.world = self.kernel.world
         self.lobby: Lobby = self.kernel.open_lobby("127.0.0.1")
         self.other = self.kernel.open_lobby("127.0.0.1")

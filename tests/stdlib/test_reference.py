@@ -13,6 +13,7 @@ from test_slots import SLOTS
 from urbihw.kernel import Kernel
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.stdlib.documentation import Docstrings
+from urbihw.robot import ROBOT_LIBRARY
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +40,7 @@ def test_the_pages_have_examples(pages: dict[str, str]) -> None:
 
 @pytest.fixture(scope="module")
 def kernel() -> Kernel:
-    return Kernel(fast=True)
+    return Kernel(fast=True, libraries=(ROBOT_LIBRARY,))
 
 
 @pytest.fixture(scope="module")

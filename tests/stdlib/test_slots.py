@@ -10,6 +10,7 @@ import pytest
 from library_samples import SAMPLES
 
 from urbihw.kernel import Kernel
+from urbihw.robot import ROBOT_LIBRARY
 
 UNSET = {("Event", "onSubscribe")}
 """Slots that are not there until somebody makes them, says the manual itself."""
@@ -36,7 +37,7 @@ SLOTS = documented()
 def kernel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Kernel]:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("slots"))
-        yield Kernel(fast=True)
+        yield Kernel(fast=True, libraries=(ROBOT_LIBRARY,))
 
 
 def sample(kernel: Kernel, name: str) -> Any:

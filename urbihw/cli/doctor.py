@@ -16,6 +16,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
 
+from urbihw import platforms
 from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
 from urbihw.buses.link import Url
 from urbihw.buses.ports import SerialPort, serial_ports
@@ -67,6 +68,7 @@ def run(options: argparse.Namespace) -> int:
 
     tell(python(sys.version_info[:2]))
     tell(packages(version))
+    tell(robots(platforms.folders()))
     tell(adapters(serial_ports()))
     tell(dialout(os.getgroups()))
     tell(check_machine())
@@ -130,6 +132,19 @@ def packages(version_of: Callable[[str], str]) -> Iterable[ReportLine]:
                 yield ReportLine("note", f"{name} is not installed; for what needs it: {install_command(extra)}")
             else:
                 yield ReportLine("bad", f"{name} is missing: pip install {name}")
+
+
+def robots(folders: Iterable[platforms.PlatformFolder]) -> Iterable[ReportLine]:
+    """Check whether the platforms of other packages can be read, with their options."""
+    for folder in folders:
+        if not folder.wheel:
+            continue
+        try:
+            manifest = platforms.read(folder)
+            platforms.load_options(manifest)
+            yield ReportLine("ok", f"platform {manifest.name} of {manifest.wheel}")
+        except platforms.BadManifest as error:
+            yield ReportLine("bad", str(error))
 
 
 def adapters(ports: Iterable[SerialPort]) -> Iterable[ReportLine]:

@@ -27,6 +27,7 @@ from urbihw.daemon.units import (
     UNITS,
     ServiceFile,
     robot_files,
+    rules_file,
     settings_file,
     settings_text,
     shared_files,
@@ -250,6 +251,7 @@ def _uninstall(options: argparse.Namespace) -> None:
     others = [path for path in units.glob("urbihw@?*.service.d") if path.name != f"urbihw@{options.name}.service.d"]
     targets = [units / f"urbihw@{options.name}.{kind}.d" / file
                for kind, file in (("service", "50-platform.conf"), ("socket", "50-port.conf"))]
+    targets.append(_below(options.root, rules_file(options.name)))
     if not any(path.exists() for path in targets):
         raise CliRefused(f"there is no service of a robot {options.name}", EX_CONFIG)
     if not others:

@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> int:
             print(f"urbihw: {error}", file=sys.stderr)
             continue
         fake = ", --fake" if manifest.fake else ""
-        print(f"{manifest.name:10} {manifest.title} ({maturity(folder)}{fake})")
+        print(f"{manifest.name:10} {manifest.title} ({maturity(folder.path)}{fake})")
     return EX_CONFIG if broken else 0
 
 

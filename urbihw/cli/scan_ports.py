@@ -20,7 +20,6 @@ from urbihw.buses.servos.line import names_speed
 from urbihw.buses.servos.status import FEETECH
 from urbihw.buses.servos.survey import BAUDS, Progress, ServoSurvey, SurveyedServo, survey
 from urbihw.cli.ports_in_use import open_line
-from urbihw.kernel.uobject import BadConfig
 
 _SERVOS: Final = "servos"
 _SHORTEST_LATENCY: Final = 0.001
@@ -90,11 +89,7 @@ def adapter_name(port: SerialPort) -> str:
 
 def _owners(port: SerialPort) -> Iterator[tuple[str, str, Sequence[str]]]:
     """Platform, name of the adapter and buses of each platform that knows the USB numbers of a port."""
-    for folder in platforms.folders():
-        try:
-            manifest = platforms.read(folder)
-        except BadConfig:  # ``urbihw platforms`` reports its error.
-            continue
+    for manifest in platforms.manifests():
         for usb in manifest.usb:
             if (usb.vendor, usb.product) == (port.vendor, port.product):
                 yield manifest.name, usb.name, manifest.buses

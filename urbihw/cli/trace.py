@@ -153,17 +153,9 @@ def _guess(url: str) -> str:
 def _decoder_of(name: str) -> MakeDecoder:
     """Return what makes the decoder of a platform.  Raises CliRefused, BadConfig."""
     if not name:
-        known = ", ".join(manifest.name for manifest in _manifests() if manifest.trace)
+        known = ", ".join(manifest.name for manifest in platforms.manifests() if manifest.trace)
         raise CliRefused(f"how is it decoded? Give --platform, one of: {known}", EX_CONFIG)
     return platforms.load_trace(platforms.find(name))
-
-
-def _manifests() -> Iterator[platforms.Manifest]:
-    for folder in platforms.folders():
-        try:
-            yield platforms.read(folder)
-        except BadConfig:  # ``urbihw platforms`` reports its error.
-            continue
 
 
 def listen(url: str, until: float) -> Iterator[Chunk]:

@@ -14,10 +14,10 @@ def check_url(url: str) -> None:
     Raises BadUrl for an unknown kind, an unknown parameter, or a wrong value.
     """
     names: set[str] = set()
-    for folder in platforms.folders():
+    for manifest in platforms.manifests():
         try:
-            names |= platforms.load_options(platforms.read(folder)).in_url()
-        except BadConfig:  # ``urbihw platforms`` reports its error.
+            names |= platforms.load_options(manifest).in_url()
+        except BadConfig:  # ``urbihw config check`` reports its error.
             continue
     port, _ = split_parameters(url, names)
     try:

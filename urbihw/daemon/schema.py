@@ -21,10 +21,10 @@ _ROW: Final = re.compile(r"^    ([\w, ]+): (.*(?:\n     .*)*)", re.MULTILINE)
 
 
 def schema() -> dict[str, Any]:
-    """The schema.  Raises BadManifest."""
-    manifests = [platforms.read(folder) for folder in platforms.folders()]
+    """The schema, without the platforms that cannot be read: ``urbihw doctor`` tells what is wrong with them."""
+    robots = [(manifest, options) for manifest in platforms.manifests() if (options := _options_of(manifest))]
     made = of_table(Config)
-    made["properties"]["platform"]["enum"] = ["", *(manifest.name for manifest in manifests)]
+    made["properties"]["platform"]["enum"] = ["", *(manifest.name for manifest, _ in robots)]
     made["properties"]["limits"] |= _limits(None)
     made["properties"]["devices"] |= {"additionalProperties": _device()}
     return {
@@ -37,7 +37,7 @@ def schema() -> dict[str, Any]:
                 {"properties": {"world": {"minLength": 1}, "fake": {"const": False}}, "required": ["world"]},
             ]
         },
-        "allOf": [_of_platform(manifest) for manifest in manifests],
+        "allOf": [_of_platform(manifest, options) for manifest, options in robots],
     }
 
 
@@ -64,9 +64,16 @@ def meanings(table: type[SettingsTable]) -> dict[str, str]:
     return found
 
 
-def _of_platform(manifest: Manifest) -> dict[str, Any]:
-    """The schema of a file that names the platform of ``manifest``."""
-    tables = {"options": of_table(platforms.load_options(manifest)), "limits": _limits(manifest)}
+def _options_of(manifest: Manifest) -> type[SettingsTable] | None:
+    try:
+        return platforms.load_options(manifest)
+    except platforms.BadManifest:
+        return None
+
+
+def _of_platform(manifest: Manifest, options: type[SettingsTable]) -> dict[str, Any]:
+    """The schema of a file that names the platform of ``manifest``, with its options."""
+    tables = {"options": of_table(options), "limits": _limits(manifest)}
     if not manifest.devices:
         tables["devices"] = {"maxProperties": 0}
     return {

@@ -41,6 +41,7 @@ from urbihw.kernel.uobject import BadConfig, DeviceError, NotReady, PlatformRobo
 from urbihw.kernel.uobject.protection import protect_robot
 from urbihw.platforms import Manifest
 from urbihw.platforms.scene.view import TREE, WorldView
+from urbihw.robot import ROBOT_LIBRARY
 
 log = logging.getLogger("urbihw.daemon")
 
@@ -147,14 +148,14 @@ class DaemonService:
                 raise StartError(f"platform {manifest.name} has no simulated robot; give its --url")
             self._fake = Fake((*manifest.fake, *(("--world", config.world) if config.world else ())))
         limits = bounds(config.hold_limit, config.memory_limit, config.max_jobs)
-        kernel = self._process.boot(limits, led=manifest.leads_time)
+        kernel = self._process.boot(limits, led=manifest.leads_time, libraries=(ROBOT_LIBRARY,))
         kernel.programs.quiet = config.quiet
         for known in (kind, *kind.classes):
             kernel.host.register(known)
         _show_to_load(manifest.folder)
-        for name in manifest.library:
+        for path in manifest.library_files():
             # Users know the library by its names, not where it is installed.
-            await self._load(manifest.folder / name, Path(name).name)
+            await self._load(path, path.name)
         try:
             await self._open(manifest, kind)
         except DeviceError as error:

@@ -54,8 +54,12 @@ def shared_files(command: str) -> list[ServiceFile]:
 
 
 def robot_files(name: str, manifest: Manifest, config: Config) -> list[ServiceFile]:
-    """The drop-ins of one robot: what its platform needs, and the address of its port."""
+    """The files of one robot: drop-ins with what its platform needs and with the address of its port, and the udev
+    rules of a platform of another package.
+    """
+    rules = [ServiceFile(rules_file(name), udev_rules(manifest))] if manifest.wheel and manifest.usb else []
     return [
+        *rules,
         ServiceFile(UNITS / f"urbihw@{name}.service.d" / "50-platform.conf", drop_in(manifest)),
         ServiceFile(UNITS / f"urbihw@{name}.socket.d" / "50-port.conf",
                     "# The address of the settings: host and port.\n\n[Socket]\n"
@@ -70,6 +74,24 @@ def drop_in(manifest: Manifest) -> str:
     rows += [f"DeviceAllow={device} rw" for device in needs.devices]
     rows += [f"RestrictAddressFamilies={family}" for family in needs.address_families]
     rows += [f"SupplementaryGroups={group}" for group in needs.groups]
+    return "\n".join(rows) + "\n"
+
+
+def rules_file(name: str) -> PurePosixPath:
+    """The path of the udev rules of a robot whose platform is of another package."""
+    return PurePosixPath(f"/etc/udev/rules.d/99-urbihw@{name}.rules")
+
+
+def udev_rules(manifest: Manifest) -> str:
+    """The udev rules for the adapters of a platform; those of the platforms of urbihw are a file of ``share``."""
+    is_serial = manifest.default_url.startswith("/dev/")
+    kind = 'SUBSYSTEM=="tty"' if is_serial else 'SUBSYSTEM=="usb", ENV{DEVTYPE}=="usb_device"'
+    rows = [f"# The adapters of the platform {manifest.name}, of the package {manifest.wheel}.", ""]
+    rows += [
+        f'ACTION!="remove", {kind}, ATTRS{{idVendor}}=="{usb.vendor:04x}", ATTRS{{idProduct}}=="{usb.product:04x}", '
+        f'SYMLINK+="urbihw-{manifest.name}", GROUP="dialout", MODE="0660"'
+        for usb in manifest.usb
+    ]
     return "\n".join(rows) + "\n"
 
 

@@ -2,7 +2,7 @@
 
 Reading order: ``syntax`` (text to nodes), ``compiler`` (nodes to Python), ``sched`` (jobs, time, tags), ``runtime``
 (objects), ``stdlib`` (the classes), ``lobby`` (a connection), ``server`` (sockets), ``uobject`` (devices), ``boot``,
-``process`` (signals, ports and the end of a process that has a kernel).
+``library`` (what other libraries import), ``process`` (signals, ports and the end of a process that has a kernel).
 """
 
 from urbihw.kernel.facade import Kernel

@@ -5,6 +5,7 @@ The only file of the kernel that imports all other packages.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import FrameType
 from typing import Any
 
@@ -17,7 +18,7 @@ from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.hooks import SchedulerHooks
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.scheduler import Scheduler
-from urbihw.kernel.stdlib import install
+from urbihw.kernel.stdlib import Library, install
 from urbihw.kernel.uobject import Host
 from urbihw.kernel.uobject.natives import install as install_uobject
 from urbihw.kernel.uremote.external import declare
@@ -45,8 +46,11 @@ class KernelHooks(SchedulerHooks):
         return backtrace.is_program(frame)
 
 
-def build(scheduler: Scheduler, process: HostProcess) -> tuple[Programs, Host]:
-    """A world with the standard library: the programs that lobbies run in a process, and the host for devices."""
+def build(scheduler: Scheduler, process: HostProcess, libraries: Sequence[Library]) -> tuple[Programs, Host]:
+    """A world with the standard library and others.
+
+    Returns the programs that lobbies run in a process, and the host for devices.
+    """
     world = World(scheduler)
     def run_late(node: Any, this: Any, local: Any) -> Any:
         unit = compile_node(node, world.lazy_names, late=local.names, generic=world.generic_floats)
@@ -55,7 +59,7 @@ def build(scheduler: Scheduler, process: HostProcess) -> tuple[Programs, Host]:
 
     ops = make_ops(world, run_late, declare)
     programs = Programs(world, ops, process)
-    install(world, programs)
+    install(world, programs, libraries)
     host = install_uobject(world, programs)
     install_remotes(world, host.registry)
     system = world.classes["System"]

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import sys
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from urbihw.kernel.boot import KernelHooks, build
 from urbihw.kernel.lobby.host_process import HostProcess
 from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.sched.clock import Clock, LedClock, RealClock, SimClock
 from urbihw.kernel.sched.scheduler import Scheduler
+from urbihw.kernel.stdlib import Library
 
-__all__ = ["HostProcess", "Kernel"]
+__all__ = ["HostProcess", "Kernel", "Library"]
 
 RECURSION_LIMIT = 5000
 """Maximum depth of nested calls, in Python frames: about four thousand urbiscript calls.  Operators of objects and
@@ -29,7 +30,8 @@ class Kernel:
     simulation, a ``SimClock`` in tests and with ``fast``.  Run it by
     ``run()``, which returns when to call it again; pass input with ``feed``; read a lobby's output with
     ``lobby.output.take_bytes()``.  Device code gets ``host``.  ``process`` is what programs can do with the process,
-    such as to end it.  ``post`` is the only method that other threads may call.
+    such as to end it.  ``libraries`` are loaded after the standard library, such as that of robots (``urbihw.robot``).
+    ``post`` is the only method that other threads may call.
     """
 
     def __init__(
@@ -40,11 +42,12 @@ class Kernel:
         fast: bool = False,
         led: bool = False,
         process: HostProcess = NO_PROCESS,
+        libraries: Sequence[Library] = (),
     ) -> None:
         sys.setrecursionlimit(max(RECURSION_LIMIT, sys.getrecursionlimit()))
         self.clock = clock if clock is not None else SimClock() if fast else LedClock() if led else RealClock()
         self.scheduler = Scheduler(self.clock, wake_host, KernelHooks())
-        self.programs, self.host = build(self.scheduler, process)
+        self.programs, self.host = build(self.scheduler, process, libraries)
         self.world = self.programs.world
         self._end = weakref.finalize(self, self.scheduler.abandon)
         self._end.atexit = False

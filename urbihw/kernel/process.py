@@ -32,7 +32,7 @@ from pathlib import Path
 from ssl import SSLContext
 from typing import Any, Final, TypeVar
 
-from urbihw.kernel.facade import HostProcess, Kernel
+from urbihw.kernel.facade import HostProcess, Kernel, Library
 from urbihw.kernel.server.acceptor import bind, bind_unix, release_socket
 from urbihw.kernel.server.bounds import NONE, Bounds
 from urbihw.kernel.server.exit_watchdog import END_TIMEOUT_S, ExitWatchdog
@@ -169,14 +169,16 @@ class KernelProcess:
         name: str = "urbi",
         arguments: Sequence[str] = (),
         reboot: Callable[[], None] | None = None,
+        libraries: Sequence[Library] = (),
     ) -> Kernel:
         """Create the kernel and its driver; with ``fast`` it runs in simulated time, with ``led`` in that of the robot,
         which is a simulation (``LedClock``).
 
         ``name`` and ``arguments`` are those of the process for its programs; ``reboot`` begins a shutdown after which
-        the process restarts, None if it cannot.
+        the process restarts, None if it cannot.  ``libraries`` are loaded after the standard library.
         """
-        self.kernel = Kernel(fast=fast, led=led, process=HostProcess(name, arguments, self.stop, reboot))
+        host_process = HostProcess(name, arguments, self.stop, reboot)
+        self.kernel = Kernel(fast=fast, led=led, process=host_process, libraries=libraries)
         self.driver = LoopDriver(self.kernel.scheduler, limits)
         self.interrupter = Interrupter(self.kernel.scheduler, self.stop, second_is_fatal=self._second_is_fatal)
         self._log_tap = LogTap(self.kernel.post, self.kernel.programs.log.add)

@@ -1,5 +1,7 @@
 """The robots: one folder each, found by its manifest, loaded only when it is asked for.
 
+A robot may be a package of its own, too, found by its entry point of the group ``urbihw.platforms``.
+
 Where to start: ``manifest`` (what a platform says of itself), ``hooks`` (what a platform implements), ``base`` (what
 every robot on one wire does with its worker), with ``guarded`` (stops and limits), ``arrival`` (a robot that is absent
 at the start) and ``channel`` (how devices reach the worker), then ``bioloid`` (the first, and the example).  A platform
@@ -11,7 +13,8 @@ from __future__ import annotations
 import importlib
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from types import ModuleType
+from typing import Any, Final, NamedTuple
 
 from urbihw.buses import port_for, ports
 from urbihw.buses.errors import BadUrl, Unavailable
@@ -24,24 +27,62 @@ from urbihw.kernel.uobject import BadConfig, PlatformRobot
 from urbihw.platforms import expected, limits
 from urbihw.platforms.expected import DeviceSettings
 from urbihw.platforms.limits import DeviceLimits
-from urbihw.platforms.manifest import FILE, BadManifest, Manifest, read
+from urbihw.platforms.manifest import FILE, BadManifest, Manifest, PlatformFolder, package_folder, read
 from urbihw.settings import Mistake, SettingsTable, guess
 
 __all__ = [
-    "Adapter", "BadManifest", "DeviceLimits", "DeviceSettings", "Manifest", "adapters", "find", "folders", "load",
-    "load_options", "load_trace", "mistakes", "read", "scan",
+    "Adapter", "BadManifest", "DeviceLimits", "DeviceSettings", "Manifest", "PlatformFolder", "adapters", "find",
+    "folders", "load", "load_options", "load_trace", "manifests", "mistakes", "read", "scan",
 ]  # fmt: skip
 
 
-def folders(root: Path | None = None) -> list[Path]:
-    """The folders that hold a manifest, in order of their names."""
+ENTRY_POINTS: Final = "urbihw.platforms"
+"""Group under which other packages name their platforms: name = platform, value = the package with its manifest."""
+
+
+def folders(root: Path | None = None) -> list[PlatformFolder]:
+    """All platforms, in order of their names: those of this package, or of ``root``, and those of other packages."""
+    own = _own_folders(root)
+    return sorted((own | (_outside_folders(own) if root is None else {})).values())
+
+
+def _own_folders(root: Path | None) -> dict[str, PlatformFolder]:
     here = Path(__file__).parent if root is None else root
-    return sorted(path.parent for path in here.glob(f"*/{FILE}"))
+    found = (path.parent for path in here.glob(f"*/{FILE}"))
+    return {folder.name: PlatformFolder(folder.name, folder, f"{__name__}.{folder.name}") for folder in found}
+
+
+def _outside_folders(own: Mapping[str, PlatformFolder]) -> dict[str, PlatformFolder]:
+    """The platforms of other packages, found by their entry points; none of their code is imported."""
+    # Imported here because it costs 15 ms, and most robots are of this package.
+    from importlib.metadata import entry_points
+
+    found: dict[str, PlatformFolder] = {}
+    for entry in entry_points(group=ENTRY_POINTS):
+        wheel = entry.dist.name if entry.dist is not None else entry.value
+        path, name, problem = package_folder(entry.value), entry.name, ""
+        if path is None:
+            problem = f"platform {name} of {wheel}: there is no package {entry.value}"
+        elif name in own or name in found:
+            other = "urbihw" if name in own else found[name].wheel
+            name, problem = f"{name} of {wheel}", f"platform {name} of {wheel}: {other} has a platform of this name"
+        found[name] = PlatformFolder(name, path or Path(), entry.value, wheel, problem)
+    return found
+
+
+def manifests() -> Iterator[Manifest]:
+    """The manifests of all platforms, without the broken ones: ``urbihw platforms`` tells what is wrong with them."""
+    for folder in folders():
+        try:
+            yield read(folder)
+        except BadManifest:
+            continue
 
 
 def find(name: str, root: Path | None = None) -> Manifest:
     """The manifest of a platform by name.  Raises BadConfig, naming those there are, and BadManifest."""
-    known = {folder.name: folder for folder in folders(root)}
+    own = _own_folders(root)
+    known = own if name in own else {folder.name: folder for folder in folders(root)}
     if name not in known:
         raise BadConfig(f"no platform {name!r}{guess(name, known)}")
     return read(known[name])
@@ -87,14 +128,40 @@ def load(manifest: Manifest) -> type[PlatformRobot]:
     """
     module_name, _, class_name = manifest.robot.partition(":")
     try:
-        module = importlib.import_module(f"urbihw.platforms.{manifest.name}.{module_name}")
+        module = _module(manifest, module_name)
     except ImportError as error:
-        how = install_command(*manifest.needs) if manifest.needs else f"pip install {error.name}"
-        raise BadConfig(f"platform {manifest.name} needs the Python package {error.name}: {how}") from error
+        raise _missing(manifest, error) from error
     found = getattr(module, class_name, None)
     if not (isinstance(found, type) and issubclass(found, PlatformRobot)):
         raise BadManifest(f"{manifest.folder / FILE}: {module_name}.py has no class {class_name} that is a Robot")
     return found
+
+
+def _module(manifest: Manifest, name: str) -> ModuleType:
+    """Import a module of a platform, or one by its full name.
+
+    Raises ImportError, and BadManifest where the code of another package fails: it names the platform.
+    """
+    full = name if "." in name else f"{manifest.package}.{name}"
+    try:
+        return importlib.import_module(full)
+    except Exception as error:
+        foreign = isinstance(error, ModuleNotFoundError) and not f"{error.name}.".startswith(
+            (f"{manifest.package}.", "urbihw.")
+        )
+        if foreign or not manifest.wheel:
+            raise
+        why = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        raise BadManifest(f"platform {manifest.name} of {manifest.wheel} cannot be imported: {why}") from error
+
+
+def _missing(manifest: Manifest, error: ImportError) -> BadConfig:
+    """The error of a platform whose import has failed for want of a package: how that is installed."""
+    how = f"pip install {error.name}"
+    if manifest.needs:
+        extras = ",".join(manifest.needs)
+        how = f"pip install '{manifest.wheel}[{extras}]'" if manifest.wheel else install_command(*manifest.needs)
+    return BadConfig(f"platform {manifest.name} needs the Python package {error.name}: {how}")
 
 
 def load_options(manifest: Manifest) -> type[SettingsTable]:
@@ -102,10 +169,8 @@ def load_options(manifest: Manifest) -> type[SettingsTable]:
     if not manifest.options:
         return SettingsTable
     module_name, _, class_name = manifest.options.partition(":")
-    if "." not in module_name:
-        module_name = f"urbihw.platforms.{manifest.name}.{module_name}"
     try:
-        found = getattr(importlib.import_module(module_name), class_name, None)
+        found = getattr(_module(manifest, module_name), class_name, None)
     except ImportError as error:
         raise BadManifest(f"{manifest.folder / FILE}: options: {error}") from error
     if not (isinstance(found, type) and issubclass(found, SettingsTable)):
@@ -122,7 +187,7 @@ def scan(manifest: Manifest) -> Iterable[object]:
         raise BadConfig(f"a {manifest.name} cannot be looked for on the network; name its port: --url")
     module_name, _, function = manifest.scan.partition(":")
     try:
-        found = getattr(importlib.import_module(f"urbihw.platforms.{manifest.name}.{module_name}"), function)
+        found = getattr(_module(manifest, module_name), function)
     except (ImportError, AttributeError) as error:
         raise BadManifest(f"{manifest.folder / FILE}: scan: {error}") from error
     robots: Iterable[object] = found()
@@ -137,14 +202,11 @@ def load_trace(manifest: Manifest) -> MakeDecoder:
     if not manifest.trace:
         raise BadConfig(f"the traffic of a {manifest.name} cannot be decoded")
     module_name, _, function = manifest.trace.partition(":")
-    if "." not in module_name:
-        module_name = f"urbihw.platforms.{manifest.name}.{module_name}"
     try:
-        found: MakeDecoder = getattr(importlib.import_module(module_name), function)
+        found: MakeDecoder = getattr(_module(manifest, module_name), function)
     except ModuleNotFoundError as error:
         if manifest.needs and not str(error.name).startswith("urbihw"):
-            how = install_command(*manifest.needs)
-            raise BadConfig(f"platform {manifest.name} needs the Python package {error.name}: {how}") from error
+            raise _missing(manifest, error) from error
         raise BadManifest(f"{manifest.folder / FILE}: trace: {error}") from error
     except AttributeError as error:
         raise BadManifest(f"{manifest.folder / FILE}: trace: {error}") from error

@@ -1,17 +1,18 @@
 """``platform.toml`` as a dataclass, checked with messages for the author of the file.
 
 A manifest is read without importing the platform's code, so that a list of the platforms is fast, and a broken one
-spoils only its own row.
+spoils only its own row.  The same holds for platforms of other packages.
 """
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from urbihw.kernel.uobject import BadConfig
 from urbihw.platforms.limits import DeviceLimits
@@ -22,6 +23,32 @@ KINDS: Final = tuple(DeviceLimits.rules())
 
 class BadManifest(BadConfig):
     """An invalid manifest; the message names the file, the key and the expected value."""
+
+
+class PlatformFolder(NamedTuple):
+    """Where a platform is.
+
+    Attributes:
+        name: of the platform.
+        path: the folder with the manifest.
+        package: the full name of the Python package in that folder.
+        wheel: the name of the distribution that has it; "" for urbihw itself.
+        problem: why its manifest cannot be read; "" if that can be tried.
+    """
+
+    name: str
+    path: Path
+    package: str
+    wheel: str = ""
+    problem: str = ""
+
+
+def package_folder(package: str) -> Path | None:
+    """The folder of a package, without importing it; None if there is none."""
+    top, *inner = package.split(".")
+    spec = importlib.util.find_spec(top)
+    places = [] if spec is None else spec.submodule_search_locations or []
+    return next((folder for folder in (Path(place, *inner) for place in places) if folder.is_dir()), None)
 
 
 @dataclass(frozen=True)
@@ -55,16 +82,19 @@ class Manifest:
 
     Attributes:
         folder: of the platform.
-        name: of the platform, and of its folder.
+        package: the full name of the Python package in the folder.
+        wheel: the name of the distribution that has it; "" for urbihw itself.
+        name: of the platform, and of its folder or, in another package, of its entry point.
         title: one line for people.
         robot: "module:Class" inside the folder; the class derives from ``urbihw.kernel.uobject.PlatformRobot``.
         slot: the slot of Global that holds the robot.
-        library: urbiscript files of the folder, loaded in this order before the robot is opened.
+        library: urbiscript files, loaded in this order before the robot is opened: files of the folder, or
+            "package:file" for one that several platforms load.
         buses: its families of wire protocols.
         default_url: url of the bus if the user gives none; "" for none.
         usb: its adapters, for the detection of the platform.
         fake: arguments of ``python -m urbihw_fakes`` for the same robot, simulated; () for none.
-        needs: extras of the package that must be installed.
+        needs: extras of urbihw, or of the wheel, that must be installed.
         options: "module:Class" of the table of its ``[options]``, a ``urbihw.settings.SettingsTable``; a module of
             the folder, or one of ``urbihw.buses`` by its full name; "" for no options.
         scan: "module:function" of the folder, which searches the network for robots and yields a line for each;
@@ -84,6 +114,8 @@ class Manifest:
     """
 
     folder: Path
+    package: str
+    wheel: str
     name: str
     title: str
     robot: str
@@ -105,10 +137,16 @@ class Manifest:
     limits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     joints: Mapping[str, int] = field(default_factory=dict)
 
+    def library_files(self) -> list[Path]:
+        """The paths of its urbiscript files, in the order of loading."""
+        return [_library_file(self.folder, name) for name in self.library]
+
 
 _TEXTS: Final = {"name", "title", "robot", "slot", "default_url", "options", "scan", "trace", "on_robot"}
 _LISTS: Final = {"library", "buses", "fake", "needs"}
 _REQUIRED: Final = ("name", "title", "robot", "slot")
+_NAME: Final = re.compile(r"[a-z][a-z0-9_]{0,31}")
+"""The form of names, which become parts of files, units and udev rules."""
 _SYSTEM: Final = {
     "devices": re.compile(r"(?:char|block)-[\w.*-]+|/dev/[\w./-]+"),
     "address_families": re.compile(r"AF_[A-Z0-9]+"),
@@ -117,9 +155,11 @@ _SYSTEM: Final = {
 """Key of ``[system]`` -> the form of its texts, which become lines of a unit of systemd."""
 
 
-def read(folder: Path) -> Manifest:
+def read(folder: PlatformFolder) -> Manifest:
     """Return the manifest of the platform in ``folder``.  Raises BadManifest."""
-    path = folder / FILE
+    if folder.problem:
+        raise BadManifest(folder.problem)
+    path = folder.path / FILE
     try:
         table = tomllib.loads(path.read_text("utf-8"))
     except OSError as error:
@@ -127,13 +167,14 @@ def read(folder: Path) -> Manifest:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise BadManifest(f"{path}: is no TOML: {error}") from error
     try:
-        return Manifest(folder=folder, **_checked(table, folder))
+        return Manifest(folder=folder.path, package=folder.package, wheel=folder.wheel, **_checked(table, folder))
     except BadManifest as error:
         raise BadManifest(f"{path}: {error}") from None
 
 
-def _checked(table: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    known = {each.name for each in fields(Manifest)} - {"folder"}
+def _checked(table: Mapping[str, Any], place: PlatformFolder) -> dict[str, Any]:
+    known = {each.name for each in fields(Manifest)} - {"folder", "package", "wheel"}
+    folder = place.path
     for key in table:
         if key not in known:
             raise BadManifest(f"{key!r} is no key of a manifest; known: {', '.join(sorted(known))}")
@@ -141,8 +182,11 @@ def _checked(table: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         if key not in table:
             raise BadManifest(f"{key!r} is missing")
     values = {key: _value(key, value) for key, value in table.items()}
-    if values["name"] != folder.name:
-        raise BadManifest(f"name is {values['name']!r}, but the folder is called {folder.name!r}; make them the same")
+    if not _NAME.fullmatch(values["name"]):
+        raise BadManifest(f"name must be of small letters, digits and _, not {values['name']!r}")
+    if values["name"] != place.name:
+        other = "entry point" if place.wheel else "folder"
+        raise BadManifest(f"name is {values['name']!r}, but the {other} is called {place.name!r}; make them the same")
     module, colon, kind = values["robot"].partition(":")
     if not (colon and module.isidentifier() and kind.isidentifier()):
         raise BadManifest(f"robot must be written module:Class, not {values['robot']!r}")
@@ -152,9 +196,15 @@ def _checked(table: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         raise BadManifest(f"slot must be a name as urbiscript takes it, not {values['slot']!r}")
     for key, files in (("library", values.get("library", ())), ("on_robot", [values.get("on_robot")])):
         for file in files:
-            if file and not (folder / file).is_file():
+            if file and not _library_file(folder, file).is_file():
                 raise BadManifest(f"{key} names {file!r}, which is not beside the manifest")
     return values
+
+
+def _library_file(folder: Path, name: str) -> Path:
+    """The path of a file of the folder, or of another package: "package:file"."""
+    package, colon, file = name.rpartition(":")
+    return (package_folder(package) or folder if colon else folder) / file
 
 
 def _value(key: str, value: Any) -> Any:

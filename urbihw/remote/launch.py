@@ -17,6 +17,7 @@ from urbihw.kernel.process import KernelProcess
 from urbihw.kernel.uobject import BadConfig
 from urbihw.kernel.uremote.bridge import Bridge
 from urbihw.remote.connection import FIRST_PAUSE_S, MAX_PAUSE_S, RemoteSession, ServerConnection
+from urbihw.robot import ROBOT_LIBRARY
 
 log = logging.getLogger("urbihw.remote")
 
@@ -56,7 +57,7 @@ async def _run(
     process = KernelProcess()
     process.install_signals()
     try:
-        kernel = process.boot(arguments=arguments)
+        kernel = process.boot(arguments=arguments, libraries=(ROBOT_LIBRARY,))
         process.load_modules(modules)
         bridge = Bridge(kernel.host, token(), lambda parts: session.write(parts))
         session = RemoteSession(bridge, process.drive, where, who)

@@ -39,6 +39,8 @@ class Obj:
     """Whether only Finalizable objects may have this object as a prototype."""
     is_per_connection = False
     """Whether the object belongs to one connection, and not to the shared library."""
+    describes_heirs = False
+    """Whether what it says of a slot, such as the unit, holds for the slots of that name of its heirs, too."""
 
     def __init__(self, world: World, protos: list[Obj]) -> None:
         self.world = world

@@ -1,6 +1,6 @@
 """The standard library: one module per urbiscript class, native half and urbiscript half side by side.
 
-``MODULES`` is the boot order.  A module may have
+``MODULES`` is the boot order; the modules of other libraries (``Library``) come after them.  A module may have
 
 - ``CLASSES``, name of a prototype -> Python class, for prototypes with a native value: ``cls(world, protos)``;
 - ``PROTOS``, name of a prototype -> names of its own prototypes, where these are not just Object;
@@ -8,14 +8,17 @@
 - ``install(world, programs)`` for slots that a table cannot express (it runs after the tables);
 - an urbiscript half, ``<module>.u`` beside it, run with Global as ``this`` after all natives are in place.
 
-``prototype`` finds or makes the object a table belongs to.  May import ``compiler``, ``runtime`` and ``sched``.
+``prototype`` finds or makes the object a table belongs to.  May import ``compiler``, ``runtime`` and ``sched``; a
+library outside of the kernel imports ``urbihw.kernel.library``.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from importlib import import_module
 from importlib.resources import files
-from typing import Any
+from types import ModuleType
+from typing import Any, NamedTuple
 
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.world import World
@@ -79,16 +82,37 @@ MODULES = (
     "server",
     "kernel1",
     "documentation",
-    "subscription",
-    "robot_tree",
-    "answers",
     "job_list",
     "server_log",
-    "interface",
-    "localizer",
-    "component",
-    "mobile",
 )
+
+
+class Library(NamedTuple):
+    """A package with classes for urbiscript.
+
+    Attributes:
+        package: its full name.
+        modules: the names of its modules, in the order of loading.
+    """
+
+    package: str
+    modules: tuple[str, ...]
+
+    def imported(self) -> list[ModuleType]:
+        """Its modules, imported in the order of loading."""
+        return [import_module(f"{self.package}.{name}") for name in self.modules]
+
+    def texts(self) -> Iterator[tuple[str, str]]:
+        """Its urbiscript halves: file name and text of each."""
+        folder = files(self.package)
+        for name in self.modules:
+            source = folder.joinpath(name + ".u")
+            if source.is_file():
+                yield f"{name}.u", source.read_text("latin-1")
+
+
+class Libraries(list[Library]):
+    """The libraries of a world, in the order of loading; a part of the world."""
 
 
 def prototype(world: World, name: str) -> Obj:
@@ -143,10 +167,14 @@ def _roots(world: World) -> None:
     world.classes.update(values)
 
 
-def install(world: World, programs: Any) -> None:
-    """Install the whole library in a world: first the natives, then the urbiscript halves in a job that is run here."""
+def install(world: World, programs: Any, others: Sequence[Library]) -> None:
+    """Install the standard library and others in a world: first the natives of all, then their urbiscript halves, in a
+    job that is run here.
+    """
     _roots(world)
-    modules = [import_module(f"urbihw.kernel.stdlib.{name}") for name in MODULES]
+    libraries = Libraries([Library(__name__, MODULES), *others])
+    world.install_part(libraries)
+    modules = [module for library in libraries for module in library.imported()]
     for module in modules:
         for name, native in getattr(module, "CLASSES", {}).items():
             put_prototype(world, name, native(world, [world.object]))
@@ -160,15 +188,14 @@ def install(world: World, programs: Any) -> None:
         if hasattr(module, "install"):
             module.install(world, programs)
     world.flush()
-    _run_urbiscript(world, programs)
+    _run_urbiscript(world, programs, libraries)
 
 
-def _run_urbiscript(world: World, programs: Any) -> None:
+def _run_urbiscript(world: World, programs: Any, libraries: Libraries) -> None:
     def run() -> None:
-        for name in MODULES:
-            source = files("urbihw.kernel.stdlib").joinpath(name + ".u")
-            if source.is_file():
-                programs.load_library(source.read_text("latin-1"), f"{name}.u")
+        for library in libraries:
+            for file, text in library.texts():
+                programs.load_library(text, file)
 
     job = world.scheduler.spawn(run, "boot")
     while not job.done:  # ``run`` may return early on a slow machine

@@ -9,8 +9,6 @@ import inspect
 import math
 import re
 from collections.abc import Iterator
-from importlib import import_module
-from importlib.resources import files
 from typing import Any
 
 from urbihw.kernel.runtime.code import Executable, Primitive
@@ -18,9 +16,8 @@ from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import String
 from urbihw.kernel.runtime.world import World
-from urbihw.kernel.stdlib import MODULES, prototype
-from urbihw.kernel.stdlib.device_slots import SlotRow, find_property, rows_of
-from urbihw.kernel.stdlib.interface import kinds_of
+from urbihw.kernel.stdlib import Libraries, prototype
+from urbihw.kernel.stdlib.properties import describers_of, find_property
 from urbihw.kernel.value import Value
 
 _COMMENTED = re.compile(r"((?:^//.*\n)+)^(?:function (\w+(?:\.\w+)*)\.|class )(\w+)", re.MULTILINE)
@@ -39,11 +36,11 @@ class Docstrings:
         self._slots: dict[tuple[int, str], str] = {}
         self._functions: dict[int, str] = {}
         self._prototypes: dict[int, str] = {}
-        for name in MODULES:
-            self._read_module(import_module(f"urbihw.kernel.stdlib.{name}"))
-            source = files("urbihw.kernel.stdlib").joinpath(name + ".u")
-            if source.is_file():
-                self._read_urbiscript(source.read_text("latin-1"))
+        for library in world.part(Libraries):
+            for module in library.imported():
+                self._read_module(module)
+            for _, text in library.texts():
+                self._read_urbiscript(text)
 
     def _read_module(self, module: Any) -> None:
         subject, _, text = (module.__doc__ or "").partition(": ")
@@ -108,15 +105,6 @@ class Docstrings:
             return f"{least:g} to {most:g}"
         return ""
 
-    def table(self, this: Value) -> list[SlotRow]:
-        """All slots of a device: see ``device_slots``."""
-        obj = self._world.peek_obj(this)
-        rows = []
-        for row in rows_of(self._world, obj):
-            meaning = self.meaning(obj, row.name)
-            rows.append(row._replace(unit=self.unit(obj, row.name), range=self.range(obj, row.name), meaning=meaning))
-        return rows
-
     def meaning(self, this: Obj, name: str) -> str:
         """What is said of a slot, in one line: the first paragraph."""
         holder = this.find(name)
@@ -143,7 +131,7 @@ class Docstrings:
         return text
 
     def _meaning(self, this: Obj, holder: Obj, name: str) -> str:
-        """What a device's class, a note, or a kind of the device says of a slot."""
+        """What a device's class, a note, or a prototype that describes its heirs says of a slot."""
         # A variable of a device may be shared with other objects, under other names.
         value = holder.slots[name]
         text = ""
@@ -152,8 +140,8 @@ class Docstrings:
             text = text or ("" if describe is None else describe(own)[0])
         if not text:
             text = self._noted(holder, name) or self._noted(this, name)
-        for kind in kinds_of(self._world, this):
-            text = text or self._slots.get((id(kind), name), "")
+        for one in describers_of(this):
+            text = text or self._slots.get((id(one), name), "")
         return text
 
     def _noted(self, holder: Obj, name: str) -> str:
@@ -202,12 +190,5 @@ def install(world: World, programs: Any) -> None:
     def documentation(world: World, this: Value, holder: Value, name: str) -> str:
         """The description of a slot of an object, as a String; empty if there is none."""
         return docstrings_of(world).of(holder, name)
-
-    @table.primitive("slotTable")
-    def slot_table(world: World, this: Value, device: Any) -> Value:
-        """The slots of a device, in alphabetical order: a List of [name, present value, unit, range, meaning] for each,
-        all Strings; the value of a function and of an event is empty."""
-        rows = docstrings_of(world).table(device)
-        return world.new_list([world.new_list([world.string(word) for word in row]) for row in rows])
 
     table.install(world, prototype(world, "System"))

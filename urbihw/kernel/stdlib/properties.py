@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 from urbihw.kernel.runtime.event import Event
+from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.slot import meta_of, peek_meta
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.accessors import set_getter, set_setter
-from urbihw.kernel.stdlib.interface import promised_unit
 from urbihw.kernel.stdlib.support import slot_holder
 from urbihw.kernel.value import Value
 
@@ -35,8 +36,7 @@ def get_property(world: World, this: Value, slot: str, name: str) -> Value:
         return meta.changed
     found = _all(world, holder, slot).get(name)
     if found is None and name == "unit":
-        # Its kinds declare it for each device.
-        return promised_unit(world, this, slot)
+        return described_property(world, this, slot, name)
     return world.void if found is None else found
 
 
@@ -87,6 +87,44 @@ def remove_property(world: World, this: Value, slot: str, name: str) -> None:
 def properties(world: World, this: Value, slot: str) -> Value:
     """All properties of a slot, as a Dictionary.  Raises ``lookup failed`` for the slot."""
     return world.dictionary(_all(world, slot_holder(world, this, slot), slot))
+
+
+def find_property(this: Obj, name: str, wanted: str) -> Value:
+    """A property of a slot, or of the slot of that name in the first prototype that has the property; else None."""
+    return next((found for one in _family(this) if (found := _stored(one, name, wanted)) is not None), None)
+
+
+def describers_of(this: Obj) -> list[Obj]:
+    """The prototypes of an object that describe the slots of their heirs, the nearest first."""
+    return [one for one in _family(this) if one.describes_heirs]
+
+
+def described_property(world: World, this: Value, slot: str, name: str) -> Value:
+    """The property that the prototypes of an object declare for a slot of their heirs; void if they do not."""
+    for one in describers_of(world.peek_obj(this)):
+        found = _stored(one, slot, name)
+        if found is not None:
+            return found
+    return world.void
+
+
+def _stored(holder: Obj, slot: str, name: str) -> Value:
+    """A property as it is stored with an object; None for none."""
+    meta = peek_meta(holder, slot)
+    return None if meta is None or not meta.properties else meta.properties.get(name)
+
+
+def _family(this: Obj) -> Iterator[Obj]:
+    """An object and its prototypes, each once and before its own prototypes."""
+    seen: set[int] = set()
+    waiting = [this]
+    while waiting:
+        one = waiting.pop()
+        if id(one) in seen:
+            continue
+        seen.add(id(one))
+        yield one
+        waiting += [proto for proto in reversed(one.protos) if isinstance(proto, Obj)]
 
 
 def own_properties(world: World, holder: Value, slot: str) -> dict[str, Any]:

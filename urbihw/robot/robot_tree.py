@@ -12,22 +12,31 @@ import zlib
 from collections.abc import Iterator
 from typing import Any, Final
 
-from urbihw.kernel.runtime.binary import BinaryObject
-from urbihw.kernel.runtime.code import Executable
-from urbihw.kernel.runtime.event import Event
-from urbihw.kernel.runtime.object import Obj, Truth
-from urbihw.kernel.runtime.primitive import Table
-from urbihw.kernel.runtime.slot import SlotMeta, peek_meta
-from urbihw.kernel.runtime.values import Dictionary, FloatObject, List, String, Tuple
-from urbihw.kernel.runtime.world import World
-from urbihw.kernel.stdlib import prototype
-from urbihw.kernel.stdlib.device_slots import find_property, names_of
-from urbihw.kernel.stdlib.documentation import docstrings_of
-from urbihw.kernel.stdlib.group import GroupObject
-from urbihw.kernel.stdlib.interface import KindObject, Promise, kinds_of, provider
-from urbihw.kernel.stdlib.interface_notes import TOLD
-from urbihw.kernel.stdlib.localizer import LocalizerObject
-from urbihw.kernel.value import Value
+from urbihw.kernel.library import (
+    BinaryObject,
+    Dictionary,
+    Event,
+    Executable,
+    FloatObject,
+    GroupObject,
+    List,
+    Obj,
+    SlotMeta,
+    String,
+    Table,
+    Truth,
+    Tuple,
+    Value,
+    World,
+    docstrings_of,
+    find_property,
+    peek_meta,
+    prototype,
+)
+from urbihw.robot.device_slots import names_of
+from urbihw.robot.interface import KindObject, Promise, kinds_of, provider
+from urbihw.robot.interface_notes import TOLD
+from urbihw.robot.localizer import LocalizerObject
 
 TABLE = Table("System")
 

@@ -9,12 +9,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from urbihw.kernel import errors
-from urbihw.kernel.runtime.world import World
-from urbihw.kernel.sched.errors import TooManyJobs
-from urbihw.kernel.sched.job import Job
-from urbihw.kernel.sched.timequeue import Timer
-from urbihw.kernel.sched.waiting import WaitQueue
+from urbihw.kernel.library import Job, Timer, TooManyJobs, WaitQueue, World, errors
 
 MAX_RATE_HZ: Final = 200.0
 MIN_RATE_HZ: Final = 0.1

@@ -18,17 +18,25 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from urbihw.kernel import errors
-from urbihw.kernel.runtime.code import Executable
-from urbihw.kernel.runtime.object import Obj, Plain
-from urbihw.kernel.runtime.primitive import Table
-from urbihw.kernel.runtime.slot import meta_of, peek_meta
-from urbihw.kernel.runtime.values import Dictionary, List
-from urbihw.kernel.runtime.world import World
-from urbihw.kernel.stdlib import prototype
-from urbihw.kernel.stdlib.interface_notes import NOTES as NOTES
-from urbihw.kernel.stdlib.object import as_string as object_text
-from urbihw.kernel.value import Value
+from urbihw.kernel.library import (
+    Dictionary,
+    Executable,
+    List,
+    Obj,
+    Plain,
+    Table,
+    Value,
+    World,
+    describers_of,
+    errors,
+    meta_of,
+    peek_meta,
+    prototype,
+)
+from urbihw.kernel.library import (
+    as_string as object_text,
+)
+from urbihw.robot.interface_notes import NOTES as NOTES
 
 TABLE = Table("Interface")
 MAKER = Table("Interface.Promises")
@@ -147,6 +155,7 @@ class KindObject(Obj):
     """A kind of device; objects that derive from it are ordinary objects."""
 
     __slots__ = ("name",)
+    describes_heirs = True
 
     def __init__(self, world: World, parent: Obj, name: str) -> None:
         super().__init__(world, [parent])
@@ -173,32 +182,9 @@ class KindObject(Obj):
         meta.properties = {"unit": unit}
 
 
-def promised_unit(world: World, target: Value, slot: str) -> Value:
-    """The unit that the kinds of a device declare for a slot; void if they do not."""
-    for kind in kinds_of(world, target):
-        meta = peek_meta(kind, slot)
-        if meta is not None and meta.properties and "unit" in meta.properties:
-            return meta.properties["unit"]
-    return world.void
-
-
 def kinds_of(world: World, target: Value) -> list[KindObject]:
     """The kinds of a device, the nearest first; each kind before its own prototypes."""
-    found: dict[int, KindObject] = {}
-    seen: set[int] = set()
-
-    def visit(obj: Obj) -> None:
-        if id(obj) in seen:
-            return
-        seen.add(id(obj))
-        if isinstance(obj, KindObject):
-            found[id(obj)] = obj
-        for proto in obj.protos:
-            if isinstance(proto, Obj):
-                visit(proto)
-
-    visit(world.peek_obj(target))
-    return list(found.values())
+    return [one for one in describers_of(world.peek_obj(target)) if isinstance(one, KindObject)]
 
 
 @MAKER.primitive("kind")

@@ -9,16 +9,10 @@ from __future__ import annotations
 import re
 from typing import Any, Final
 
-from urbihw.kernel import errors
-from urbihw.kernel.runtime.object import Obj
-from urbihw.kernel.runtime.primitive import Table
-from urbihw.kernel.runtime.values import List, String
-from urbihw.kernel.runtime.world import World
-from urbihw.kernel.stdlib.binary_feed import BinaryFeed
-from urbihw.kernel.stdlib.sampling import MAX_RATE_HZ, MIN_RATE_HZ, Feed, feeds_of
-from urbihw.kernel.stdlib.support import field
-from urbihw.kernel.stdlib.value_feed import ValueFeed
-from urbihw.kernel.value import Value
+from urbihw.kernel.library import List, Obj, String, Table, Value, World, errors, field
+from urbihw.robot.binary_feed import BinaryFeed
+from urbihw.robot.sampling import MAX_RATE_HZ, MIN_RATE_HZ, Feed, feeds_of
+from urbihw.robot.value_feed import ValueFeed
 
 TABLE = Table("Subscription")
 LOBBY = Table("Lobby")

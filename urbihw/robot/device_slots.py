@@ -1,4 +1,4 @@
-"""The slots of a device with their present values, for ``help``.
+"""System.slotTable: the slots of a device with their present values, for ``help``.  Not in the manual.
 
 No function of the device is called, but those that its class declares to have a unit: they only tell a number.
 """
@@ -6,19 +6,27 @@ No function of the device is called, but those that its class declares to have a
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
-from urbihw.kernel import errors
-from urbihw.kernel.runtime.binary import BinaryObject
-from urbihw.kernel.runtime.code import Executable, Primitive
-from urbihw.kernel.runtime.event import Event
-from urbihw.kernel.runtime.object import Obj
-from urbihw.kernel.runtime.slot import peek_meta
-from urbihw.kernel.runtime.values import String
-from urbihw.kernel.runtime.world import World
-from urbihw.kernel.stdlib import prototype
-from urbihw.kernel.stdlib.interface import KindObject, Promise, promised_unit, provider
-from urbihw.kernel.value import Value
+from urbihw.kernel.library import (
+    BinaryObject,
+    Event,
+    Executable,
+    Obj,
+    Primitive,
+    String,
+    Table,
+    Value,
+    World,
+    described_property,
+    docstrings_of,
+    errors,
+    peek_meta,
+    prototype,
+)
+from urbihw.robot.interface import KindObject, Promise, provider
+
+TABLE = Table("System")
 
 MAX_LENGTH: Final = 40
 """Maximum number of characters of a value."""
@@ -35,26 +43,24 @@ class SlotRow(NamedTuple):
     meaning: str = ""
 
 
+@TABLE.primitive("slotTable")
+def slot_table(world: World, this: Value, device: Any) -> Value:
+    """The slots of a device, in alphabetical order: a List of [name, present value, unit, range, meaning] for each,
+    all Strings; the value of a function and of an event is empty."""
+    rows = rows_of(world, world.peek_obj(device))
+    return world.new_list([world.new_list([world.string(word) for word in row]) for row in rows])
+
+
 def rows_of(world: World, this: Obj) -> list[SlotRow]:
     """The slots that a device does not share with every object, in alphabetical order."""
-    return [SlotRow(name, _shown(world, _present(world, this, name))) for name in sorted({*names_of(world, this)})]
-
-
-def find_property(this: Obj, name: str, wanted: str) -> Value:
-    """A property of a slot, or of the slot of that name in the first prototype that has the property; else None.
-    """
-    seen: dict[int, Obj] = {}
-    waiting = [this]
-    while waiting:
-        one = waiting.pop()
-        if id(one) in seen:
-            continue
-        seen[id(one)] = one
-        meta = peek_meta(one, name)
-        if meta is not None and meta.properties and wanted in meta.properties:
-            return meta.properties[wanted]
-        waiting += [proto for proto in reversed(one.protos) if isinstance(proto, Obj)]
-    return None
+    said = docstrings_of(world)
+    return [
+        SlotRow(
+            name, _shown(world, _present(world, this, name)), said.unit(this, name), said.range(this, name),
+            said.meaning(this, name),
+        )
+        for name in sorted({*names_of(world, this)})
+    ]  # fmt: skip
 
 
 def names_of(world: World, this: Obj) -> Iterator[str]:
@@ -97,7 +103,7 @@ def _promised(world: World, this: Obj, promise: Promise) -> Value:
         return _held(this, holder, name)
     if promise.getter is None:
         return promise.default
-    unit = promised_unit(world, this, promise.name)
+    unit = described_property(world, this, promise.name, "unit")
     if unit is world.void or not world.text(unit):
         # The rule of a function, such as stop, must not be called.
         return None

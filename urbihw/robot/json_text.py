@@ -19,12 +19,8 @@ from __future__ import annotations
 import json
 from typing import Final
 
-from urbihw.kernel.runtime.binary import BinaryObject
-from urbihw.kernel.runtime.object import Nil, Truth, Void
-from urbihw.kernel.runtime.values import FloatObject, String
-from urbihw.kernel.runtime.world import World
-from urbihw.kernel.stdlib.nested_text import NestedText
-from urbihw.kernel.value import Value
+from urbihw.kernel.library import BinaryObject, FloatObject, Nil, String, Truth, Value, Void, World
+from urbihw.robot.nested_text import NestedText
 
 MAX_LENGTH: Final = 64 * 1024
 """Maximum length of the text of one value."""

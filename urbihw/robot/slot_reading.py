@@ -10,17 +10,21 @@ import re
 from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
-from urbihw.kernel import errors
-from urbihw.kernel.runtime.object import Obj
-from urbihw.kernel.runtime.slot import SlotMeta, peek_meta
-from urbihw.kernel.runtime.values import String
-from urbihw.kernel.runtime.world import World
-from urbihw.kernel.stdlib import prototype
-from urbihw.kernel.stdlib.device_slots import find_property
-from urbihw.kernel.stdlib.interface import Promise, promised_unit, provider
-from urbihw.kernel.stdlib.interface_notes import TOLD
-from urbihw.kernel.stdlib.localizer import LocalizerObject
-from urbihw.kernel.value import Value
+from urbihw.kernel.library import (
+    Obj,
+    SlotMeta,
+    String,
+    Value,
+    World,
+    described_property,
+    errors,
+    find_property,
+    peek_meta,
+    prototype,
+)
+from urbihw.robot.interface import Promise, provider
+from urbihw.robot.interface_notes import TOLD
+from urbihw.robot.localizer import LocalizerObject
 
 MAX_PATH_LENGTH: Final = 200
 """Maximum length of a path in characters."""
@@ -143,7 +147,7 @@ def _has_unit(meta: SlotMeta) -> bool:
 
 def is_told(world: World, target: Value, promise: Promise) -> bool:
     """Whether a function that provides a promised slot only tells a value: the slot has a unit, or is known as one."""
-    unit = promised_unit(world, target, promise.name)
+    unit = described_property(world, target, promise.name, "unit")
     return isinstance(unit, String) and bool(unit.s) or f"{promise.kind}.{promise.name}" in TOLD
 
 

@@ -11,6 +11,7 @@ import pytest
 from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.server.log_tap import MAX_PENDING, LogTap
+from urbihw.robot import ROBOT_LIBRARY
 
 SLOTS = ", ".join(f'"m{number}"' for number in range(100))
 VARIABLES = "".join(f"var Global.m{number} = {number}.25;" for number in range(100))
@@ -65,7 +66,7 @@ class Client:
 
 @pytest.fixture
 def kernel() -> Kernel:
-    made = Kernel(fast=True)
+    made = Kernel(fast=True, libraries=(ROBOT_LIBRARY,))
     made.complete()
     return made
 

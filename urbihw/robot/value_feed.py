@@ -6,13 +6,10 @@ import math
 from collections.abc import Iterable
 from typing import Any, Final
 
-from urbihw.kernel import errors
-from urbihw.kernel.runtime.world import World
-from urbihw.kernel.sched.job import Job
-from urbihw.kernel.stdlib.json_text import json_number, json_of, json_string
-from urbihw.kernel.stdlib.sampling import Feed, feeds_of
-from urbihw.kernel.stdlib.slot_reading import Unreadable, make_reader, parse_path, unit_of
-from urbihw.kernel.value import Value
+from urbihw.kernel.library import Job, Value, World, errors
+from urbihw.robot.json_text import json_number, json_of, json_string
+from urbihw.robot.sampling import Feed, feeds_of
+from urbihw.robot.slot_reading import Unreadable, make_reader, parse_path, unit_of
 
 MAX_SLOTS: Final = 1000
 """Maximum number of slots of a subscription."""

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from urbihw.kernel.runtime.binary import BinaryObject
-from urbihw.kernel.runtime.world import World
-from urbihw.kernel.stdlib.json_text import json_string
-from urbihw.kernel.stdlib.sampling import Feed
-from urbihw.kernel.stdlib.slot_reading import Unreadable
-from urbihw.kernel.stdlib.value_feed import SlotSample, json_rate, seconds
+from urbihw.kernel.library import BinaryObject, World
+from urbihw.robot.json_text import json_string
+from urbihw.robot.sampling import Feed
+from urbihw.robot.slot_reading import Unreadable
+from urbihw.robot.value_feed import SlotSample, json_rate, seconds
 
 
 class BinaryFeed(Feed):

@@ -10,15 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from urbihw.kernel import errors
-from urbihw.kernel.runtime.code import LazyPrimitive
-from urbihw.kernel.runtime.object import Obj
-from urbihw.kernel.runtime.primitive import Table
-from urbihw.kernel.runtime.values import CallMessage
-from urbihw.kernel.runtime.world import World
-from urbihw.kernel.stdlib import prototype
-from urbihw.kernel.stdlib.group import GroupObject
-from urbihw.kernel.value import Value
+from urbihw.kernel.library import CallMessage, GroupObject, LazyPrimitive, Obj, Table, Value, World, errors, prototype
 
 TABLE = Table("Localizer")
 

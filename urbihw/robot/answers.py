@@ -17,21 +17,32 @@ import re
 from types import TracebackType
 from typing import Any, Final
 
-from urbihw.kernel import errors
-from urbihw.kernel.runtime.binary import BinaryObject
-from urbihw.kernel.runtime.event import Emission, Event
-from urbihw.kernel.runtime.object import Nil, Obj, Truth, Void
-from urbihw.kernel.runtime.plain import escaped
-from urbihw.kernel.runtime.primitive import Table
-from urbihw.kernel.runtime.values import Dictionary, FloatObject, List, String, Tuple
-from urbihw.kernel.runtime.world import World
-from urbihw.kernel.sched.signals import StopTag
-from urbihw.kernel.sched.tag import Tag, TagEntry
-from urbihw.kernel.stdlib import prototype
-from urbihw.kernel.stdlib.lobby import own_lobby
-from urbihw.kernel.stdlib.nested_text import NestedText
-from urbihw.kernel.stdlib.slot_reading import Unreadable, make_reader, parse_path
-from urbihw.kernel.value import Value
+from urbihw.kernel.library import (
+    BinaryObject,
+    Dictionary,
+    Emission,
+    Event,
+    FloatObject,
+    List,
+    Nil,
+    Obj,
+    StopTag,
+    String,
+    Table,
+    Tag,
+    TagEntry,
+    Truth,
+    Tuple,
+    Value,
+    Void,
+    World,
+    errors,
+    escaped,
+    own_lobby,
+    prototype,
+)
+from urbihw.robot.nested_text import NestedText
+from urbihw.robot.slot_reading import Unreadable, make_reader, parse_path
 
 TABLE = Table("Lobby")
 TABLES = [TABLE]

@@ -5,10 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import ClassVar, Final
 
-from urbihw.kernel import errors
-from urbihw.kernel.runtime.values import Dictionary, List, Tuple
-from urbihw.kernel.runtime.world import World
-from urbihw.kernel.value import Value
+from urbihw.kernel.library import Dictionary, List, Tuple, Value, World, errors
 
 MAX_DEPTH: Final = 20
 """Maximum nesting of lists and dictionaries."""

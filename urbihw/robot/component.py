@@ -9,10 +9,7 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any, Final
 
-from urbihw.kernel.runtime.primitive import Table
-from urbihw.kernel.runtime.values import Dictionary
-from urbihw.kernel.runtime.world import World
-from urbihw.kernel.value import Value
+from urbihw.kernel.library import Dictionary, Table, Value, World
 
 PROTOS = {"Component": ("Object",), "Localization": ("Object",)}
 """Made here because Localizer, which has a native half, derives from them before any urbiscript runs."""
