@@ -12,7 +12,7 @@ class StatisticsCounter:
     Attributes:
         since: when it began, in seconds of the worker's clock.
         ticks: ticks executed.
-        late: ticks skipped because they were late.
+        late: ticks missed because others took too long.
     """
 
     def __init__(self, now: float) -> None:

@@ -7,7 +7,8 @@ The same code runs in a thread and in a process.  One step of the loop:
   3. if the link is down, try to open it, with back-off;
   4. one tick of the driver, then the pending requests;
   5. statistics once a second, a heartbeat ten times a second;
-  6. wait until the next tick. Ticks have absolute deadlines; missed ones are skipped and counted.
+  6. wait until the next tick. Ticks have absolute deadlines; one that is late begins at once, and missed ones are
+     counted (`ticker`).
 
 A stop does not wait for the next step: the wait of 6. ends when a message arrives, and a driver calls `urgent` between
 two transactions and returns early from its tick.

@@ -401,7 +401,7 @@ class Statistics:
     Attributes:
         time: end of that second.
         rate: ticks per second.
-        late: ticks that were skipped because the previous one took too long.
+        late: ticks that were missed because others took too long.
         errors: by kind ("timeouts", "damaged", "refused", "retried"): those that the driver counts.
         load: share of the second in which the wire was busy, 0..1.
         dropped: Samples merged into later ones because the parent did not read.
