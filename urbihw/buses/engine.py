@@ -68,7 +68,10 @@ _TIME_TO_POST_S: Final = 0.0005
 
 
 class Engine:
-    """The loop described at the head of this file. `asked_to_end` is called once per step."""
+    """The loop described at the head of this file. `asked_to_end` is called once per step.
+
+    `held_up` returns the seconds so far in which this process had something to do and no processor.
+    """
 
     def __init__(
         self,
@@ -78,6 +81,7 @@ class Engine:
         begin: Begin,
         context: Context,
         asked_to_end: Callable[[], bool] = lambda: False,
+        held_up: Callable[[], float] = lambda: 0.0,
     ) -> None:
         self._driver = driver
         self._mailbox = mailbox
@@ -103,7 +107,8 @@ class Engine:
         for watch in begin.watches:
             driver.watch(watch, now)
         self._control = None if control is None else self._open_control_socket(control)
-        self._reports = Reports(mailbox, self._control, self._health, self._inventory, self._traffic, self._clock)
+        self._reports = Reports(mailbox, self._control, self._health, self._inventory, self._traffic, self._clock,
+                                held_up)
         self._link = RobotLink(url, driver, context, self._reports)
         self._inbox = Inbox(mailbox, self._control, self._clock, self._state_fields)
         if begin.instead:
@@ -165,7 +170,7 @@ class Engine:
         self._reports.publish(self._link.port)
         self._reports.tally.ticks += 1
         now = self._clock.now()
-        self._reports.post_statistics(now, self._link.port, self._driver)
+        self._reports.post_statistics(now, self._link.port, self._driver, 1 / self._ticker.period)
         self._reports.tally.late += self._ticker.advance(now)
         if self._ticker.due > now + _TIME_TO_POST_S:
             self._reports.post_held()

@@ -405,6 +405,9 @@ class Statistics:
         errors: by kind ("timeouts", "damaged", "refused", "retried"): those that the driver counts.
         load: share of the second in which the wire was busy, 0..1.
         dropped: Samples merged into later ones because the parent did not read.
+        wanted: ticks per second that the settings ask for.
+        turnaround: mean time in s that a device takes to answer, without that of the bytes; 0 if unknown.
+        held_up: share of the second in which the worker had something to do and no processor, 0..1.
     """
 
     time: float
@@ -413,6 +416,14 @@ class Statistics:
     errors: Mapping[str, int] = field(default_factory=dict)
     load: float = 0.0
     dropped: int = 0
+    wanted: float = 0.0
+    turnaround: float = 0.0
+    held_up: float = 0.0
+
+    @property
+    def late_share(self) -> float:
+        """The share of the ticks that were missed, 0..1."""
+        return self.late / (self.late + self.rate) if self.late else 0.0
 
 
 @dataclass(frozen=True, slots=True)
