@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from urbihw.buses.driver import Driver
 from urbihw.buses.link import Port
 from urbihw.buses.messages import Statistics
+from urbihw.buses.processor import Processor
 
 
 class StatisticsCounter:
@@ -18,9 +17,8 @@ class StatisticsCounter:
         late: ticks missed because others took too long.
     """
 
-    def __init__(self, now: float, held_up: Callable[[], float] = lambda: 0.0) -> None:
-        """`held_up` returns the seconds so far in which this process had something to do and no processor."""
-        self._held_up_so_far = held_up
+    def __init__(self, now: float, processor: Processor) -> None:
+        self._processor = processor
         self.restart(now)
 
     def restart(self, now: float) -> None:
@@ -30,7 +28,7 @@ class StatisticsCounter:
         self.late = 0
         self._errors: dict[str, int] = {}
         self._bytes = 0
-        self._held_up = self._held_up_so_far()
+        self._held_up = self._processor.held_up()
 
     def close(self, now: float, link: Port | None, driver: Driver, dropped: int, wanted: float) -> Statistics:
         """Return the second that ends now and begin the next; `wanted` is the rate of the settings."""
@@ -48,7 +46,7 @@ class StatisticsCounter:
             dropped=dropped,
             wanted=wanted,
             turnaround=driver.turnaround(),
-            held_up=min(max(self._held_up_so_far() - self._held_up, 0.0) / elapsed, 1.0),
+            held_up=min(max(self._processor.held_up() - self._held_up, 0.0) / elapsed, 1.0),
         )
         self.restart(now)
         self._errors, self._bytes = errors, total

@@ -56,6 +56,7 @@ from urbihw.buses.messages import (
     Watch,
     Writers,
 )
+from urbihw.buses.processor import Processor
 from urbihw.buses.reports import Reports
 from urbihw.buses.robot_link import RobotLink
 from urbihw.buses.ticker import Ticker
@@ -68,10 +69,7 @@ _TIME_TO_POST_S: Final = 0.0005
 
 
 class Engine:
-    """The loop described at the head of this file. `asked_to_end` is called once per step.
-
-    `held_up` returns the seconds so far in which this process had something to do and no processor.
-    """
+    """The loop described at the head of this file. `asked_to_end` is called once per step."""
 
     def __init__(
         self,
@@ -81,13 +79,14 @@ class Engine:
         begin: Begin,
         context: Context,
         asked_to_end: Callable[[], bool] = lambda: False,
-        held_up: Callable[[], float] = lambda: 0.0,
+        processor: Processor | None = None,
     ) -> None:
         self._driver = driver
         self._mailbox = mailbox
         self._settings = begin.settings
         self._asked_to_end = asked_to_end
         self._clock = context.clock
+        self._processor = processor or Processor()
         now = self._clock.now()
         self._stopped_for_silence_since: float | None = None
         self._pending_stop_reason = ""
@@ -108,7 +107,7 @@ class Engine:
             driver.watch(watch, now)
         self._control = None if control is None else self._open_control_socket(control)
         self._reports = Reports(mailbox, self._control, self._health, self._inventory, self._traffic, self._clock,
-                                held_up)
+                                self._processor)
         self._link = RobotLink(url, driver, context, self._reports)
         self._inbox = Inbox(mailbox, self._control, self._clock, self._state_fields)
         if begin.instead:
@@ -365,6 +364,7 @@ class Engine:
                 told |= self._inventory.state_fields()
             if command.verb == HEALTH:
                 told |= self._health.fields(self._clock.now(), self._inbox.heard_at, self._link.port is not None)
+                told["scheduling"] = self._processor.scheduling
             command.answer(told)
 
     def _state_fields(self) -> dict[str, Any]:

@@ -195,6 +195,7 @@ class Configure:
         resume: a movement whose device or link was lost meanwhile continues on its return.
         options: settings of the protocol family, by name.
         expected: the devices that the settings expect; () if they expect none.
+        realtime: a process of its own takes real-time scheduling when it begins, where the system allows it.
     """
 
     rate: float = 100.0
@@ -203,6 +204,7 @@ class Configure:
     resume: bool = True
     options: Mapping[str, Any] = field(default_factory=dict)
     expected: tuple[ExpectedDevice, ...] = ()
+    realtime: bool = False
 
 
 @dataclass(frozen=True, slots=True)

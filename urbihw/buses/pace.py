@@ -18,9 +18,9 @@ _SLOW_ANSWER_S: Final = 0.0002
 _LONGEST_RETURN_DELAY_S: Final = 0.0007
 """Mean turnarounds above the first are worth a word; those above the second are more than servos wait for."""
 _SLOW_SECONDS: Final = 5
-"""Seconds in a row without the rate before a line is told: a start, or a short load of the computer, is no news."""
+"""Seconds in a row without the rate before there is a line: a start, or a short load of the computer, is no news."""
 _GOOD_SECONDS: Final = 60
-"""Seconds in a row with the rate after which a line is told again."""
+"""Seconds in a row with the rate after which there may be another line."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import partial
 from typing import Final
 
@@ -15,6 +15,7 @@ from urbihw.buses.inventory import Inventory
 from urbihw.buses.link import Port
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import FromWorker, WorkerHeartbeat
+from urbihw.buses.processor import Processor
 from urbihw.buses.traffic import TrafficLog
 
 HEARTBEAT_PERIOD_S: Final = 0.1
@@ -41,7 +42,7 @@ class Reports:
         inventory: Inventory,
         traffic: TrafficLog,
         clock: BusClock,
-        held_up: Callable[[], float],
+        processor: Processor,
     ) -> None:
         now = clock.now()
         self._mailbox = mailbox
@@ -52,7 +53,7 @@ class Reports:
         self._clock = clock
         self._held: Iterable[FromWorker] = ()
         self._pulse_at = self._allowed_until = now
-        self.tally = StatisticsCounter(now, held_up)
+        self.tally = StatisticsCounter(now, processor)
         self.step_begun_at = now
 
     def post(self, messages: Iterable[FromWorker]) -> None:

@@ -439,4 +439,5 @@ def _for_worker(settings: RobotSettings) -> m.Configure:
         torque_off_on_stop=settings.torque_off_on_stop,
         resume=settings.resume,
         options=settings.options,
+        realtime=settings.realtime,
     )
