@@ -10,7 +10,8 @@ HEALTHY: dict[str, Any] = {
     "robot": "", "link_reason": "", "uptime": 900.0, "restarts": 0, "stops": 0, "last_stop": None,
     "dead_man": {"timeout": 1.5, "age": 0.2, "fired": False},
     "bus": {
-        "wanted_rate": 100.0, "rate": 99.9, "load": 0.4, "late": 3, "late_share": 0.0005, "errors": {"timeouts": 900},
+        "wanted_rate": 100.0, "rate": 99.9, "mean_rate": 99.9, "turnaround": 0.0001, "held_up": 0.0, "load": 0.4,
+        "late": 3, "late_share": 0.0005, "errors": {"timeouts": 900},
         "recent_errors": {"timeouts": 2}, "recent_seconds": 60, "dropped": 0,
     },
     "devices": [

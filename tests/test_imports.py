@@ -98,6 +98,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.buses": (
         "urbihw.settings", "urbihw.backoff", "urbihw.extras", "urbihw.files", "urbihw.control_address",
     ),  # fmt: skip
+    # Why a bus does not keep its rate: for the log of a robot, and for the verdict.
+    "urbihw.buses.pace": (),
     # Maps, paths and scans for any base that drives; it knows no platform.
     "urbihw.navigation": (
         "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.extras", "urbihw.files",
@@ -125,7 +127,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.platforms.devicelog", "urbihw.platforms.hooks", "urbihw.platforms.limits",
     ),  # fmt: skip
     "urbihw.platforms.base": (
-        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.platforms.arrival",
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.buses.pace", "urbihw.settings", "urbihw.platforms.arrival",
         "urbihw.platforms.expected", "urbihw.platforms.guarded", "urbihw.platforms.limits",
         "urbihw.platforms.remembered", "urbihw.platforms.words",
     ),  # fmt: skip
@@ -224,7 +226,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.backoff", "urbihw.repeats",
     ),  # fmt: skip
     # The verdict on the health of a robot, for commands and browsers.
-    "urbihw.buses.verdict": (),
+    "urbihw.buses.verdict": ("urbihw.buses.pace",),
     # A process with devices of its own has a kernel, and a link to the kernel of a server.
     "urbihw.remote": (
         "urbihw.kernel.process", "urbihw.kernel.uobject", "urbihw.kernel.uremote", "urbihw.robot", "urbihw.client",

@@ -50,7 +50,12 @@ CASES = [
         "stopped 12 s ago: no sign of life from the master for 1.5 s",
     ),
     (robot(restarts=2), 1, "the bus worker was replaced 2 times"),
-    (with_bus(late_share=0.02), 1, "2.0 % of the ticks of the last minute are late"),
+    (
+        with_bus(late_share=0.21, mean_rate=79.4, turnaround=0.0005),
+        1,
+        "a cycle takes 12.6 ms, so 79 Hz of 100: shorten the return delay (stop the daemon, urbihw doctor URL --mend) "
+        "or set rate = 75",
+    ),
     (with_bus(rate=50.0), 1, "50 Hz instead of 100"),
     (with_bus(recent_errors={"timeouts": 80}), 1, "80 timeouts on the wire in 60 s"),
     (robot(missing=[{"id": 3, "name": "hip", "expected": "AX-12A"}]), 2, "hip (3): missing, expected AX-12A"),

@@ -31,7 +31,7 @@ _NEW_NAMESPACES: Final = 0x7E020080
 """All CLONE_NEW flags of ``man 2 clone``."""
 _PASSED: Final = re.compile(
     "AmbientCapabilities|CapabilityBoundingSet|DeviceAllow|DevicePolicy|Lock.*|Memory.*|NoNew.*|Private.*|Protect.*|"
-    "Remove.*|Restrict.*|SystemCall.*|TasksMax|UMask"
+    "Limit.*|Remove.*|Restrict.*|SystemCall.*|TasksMax|UMask"
 )
 """Settings of the unit that restrict the service."""
 

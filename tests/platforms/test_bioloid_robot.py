@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from typing import Any
 
 import pytest
@@ -269,6 +270,45 @@ def test_a_motor_found_later_joins_the_group_in_order() -> None:
 def test_movements_have_the_period_of_the_bus() -> None:
     lab = Lab.ready()
     assert lab.number("System.period") == pytest.approx(lab.tick)
+
+
+def slow_lab() -> Lab:
+    """18 servos with the return delay of the factory, all of which are read in each cycle: 13 ms."""
+    lab = Lab.ready()
+    set_delays(lab, 250)
+    lab.say("at (motors.val.foldl(function(var a, var b) { a + b }, 0) > 100) echo(1);")
+    return lab
+
+
+def set_delays(lab: Lab, count: int) -> None:
+    for unit in lab.kit:
+        unit.registers.put("return_delay", count)
+
+
+def test_movements_follow_the_rate_that_the_bus_achieves() -> None:
+    lab = slow_lab()
+    lab.run(4)
+    achieved = lab.number("bioloid.rate")
+    assert 60 < achieved < 90
+    assert lab.number("System.period") == pytest.approx(1 / achieved, rel=0.03)
+    set_delays(lab, 0)
+    lab.run(3)
+    assert lab.number("System.period") == pytest.approx(lab.tick)
+
+
+def test_a_period_that_a_program_has_set_stays() -> None:
+    lab = slow_lab()
+    lab.say("System.period = 50ms;")
+    lab.run(4)
+    assert lab.number("System.period") == 0.05
+
+
+def test_a_rate_that_is_not_kept_is_told_once_with_cause_and_cure(caplog: pytest.LogCaptureFixture) -> None:
+    lab = slow_lab()
+    lab.run(9)
+    (line,) = [record.getMessage() for record in caplog.records if "a cycle takes" in record.getMessage()]
+    told = r"a cycle takes 1\d\.\d ms, so \d\d Hz of 100: shorten the return delay \(.*\) or set rate = \d\d"
+    assert re.fullmatch(told, line)
 
 
 def mixed() -> Lab:

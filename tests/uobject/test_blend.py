@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 
 from urbihw.kernel import Kernel
@@ -148,3 +150,16 @@ def test_a_wave_of_a_device_that_is_lost_goes_on_within_its_speed(console: Conso
     assert console.say("o.x = 0 sin:1s ampli:1,", 0.5) == []
     values = console.samples("o.x", *(0.02 * n for n in range(30)))
     assert max(abs(b - a) for a, b in zip(values, values[1:], strict=False)) <= 0.04 + 1e-6
+
+
+@pytest.mark.parametrize("movement", ["time:2s", "speed:5", "time:2s adaptive:true", "speed:5 adaptive:true"])
+def test_a_movement_under_way_follows_the_period(console: Console, movement: str) -> None:
+    console.say(f"System.period = 10ms| m.val = 10 {movement},", 0.995)
+    first = len(console.motor.told)
+    console.say("System.period = 100ms;", 3.0)
+    assert first == pytest.approx(100, abs=2)
+    assert len(console.motor.told) - first == pytest.approx(11, abs=1)
+    assert console.motor.told[-1] == 10
+    steps = [after - before for before, after in itertools.pairwise(console.motor.told)]
+    assert max(steps[: first - 1]) == pytest.approx(0.05)
+    assert max(steps[first + 1 :]) == pytest.approx(0.5)

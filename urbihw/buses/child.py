@@ -23,6 +23,7 @@ from urbihw.buses.errors import BadUrl, Unavailable
 from urbihw.buses.link import Context
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import Begin
+from urbihw.buses.processor import OwnProcessor
 
 
 def main(arguments: list[str]) -> int:
@@ -49,8 +50,11 @@ def main(arguments: list[str]) -> int:
     if not isinstance(begin, Begin):
         raise TypeError(f"our bug: the first message to a worker must be Begin, not {begin!r}")
     _sharpen_timer()
+    processor = OwnProcessor()
+    if begin.settings.realtime:
+        processor.claim()
     mailbox = Mailbox(pipe)
-    Engine(url, driver, mailbox, begin, Context(), lambda: terminated or os.getppid() != parent).run()
+    Engine(url, driver, mailbox, begin, Context(), lambda: terminated or os.getppid() != parent, processor).run()
     return 0
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from urbihw.buses.driver import Driver
 from urbihw.buses.link import Port
 from urbihw.buses.messages import Statistics
+from urbihw.buses.processor import Processor
 
 
 class StatisticsCounter:
@@ -12,10 +14,11 @@ class StatisticsCounter:
     Attributes:
         since: when it began, in seconds of the worker's clock.
         ticks: ticks executed.
-        late: ticks skipped because they were late.
+        late: ticks missed because others took too long.
     """
 
-    def __init__(self, now: float) -> None:
+    def __init__(self, now: float, processor: Processor) -> None:
+        self._processor = processor
         self.restart(now)
 
     def restart(self, now: float) -> None:
@@ -25,9 +28,11 @@ class StatisticsCounter:
         self.late = 0
         self._errors: dict[str, int] = {}
         self._bytes = 0
+        self._held_up = self._processor.held_up()
 
-    def close(self, now: float, link: Port | None, errors: dict[str, int], dropped: int) -> Statistics:
-        """Return the second that ends now and begin the next; `errors` are totals since the link opened."""
+    def close(self, now: float, link: Port | None, driver: Driver, dropped: int, wanted: float) -> Statistics:
+        """Return the second that ends now and begin the next; `wanted` is the rate of the settings."""
+        errors = driver.errors()
         elapsed = now - self.since
         total = 0 if link is None else link.bytes_read + link.bytes_written
         busy = 0.0 if link is None else max(total - self._bytes, 0) * link.byte_time / elapsed
@@ -39,6 +44,9 @@ class StatisticsCounter:
             errors={kind: max(count, 0) for kind, count in news.items()},
             load=min(busy, 1.0),
             dropped=dropped,
+            wanted=wanted,
+            turnaround=driver.turnaround(),
+            held_up=min(max(self._processor.held_up() - self._held_up, 0.0) / elapsed, 1.0),
         )
         self.restart(now)
         self._errors, self._bytes = errors, total

@@ -201,6 +201,10 @@ class Driver:
         """Return the number of failures since `attach`, by kind."""
         raise NotImplementedError
 
+    def turnaround(self) -> float:
+        """Return the mean time in s that a device takes to answer, without that of the bytes; 0 if unknown."""
+        return 0.0
+
 
 def driver_of(family: str) -> Driver:
     """Return a fresh driver of a row of FAMILIES, or of "module:Class". Raises BadValue when there is none."""

@@ -7,7 +7,8 @@ The same code runs in a thread and in a process.  One step of the loop:
   3. if the link is down, try to open it, with back-off;
   4. one tick of the driver, then the pending requests;
   5. statistics once a second, a heartbeat ten times a second;
-  6. wait until the next tick. Ticks have absolute deadlines; missed ones are skipped and counted.
+  6. wait until the next tick. Ticks have absolute deadlines; one that is late begins at once, and missed ones are
+     counted (`ticker`).
 
 A stop does not wait for the next step: the wait of 6. ends when a message arrives, and a driver calls `urgent` between
 two transactions and returns early from its tick.
@@ -55,6 +56,7 @@ from urbihw.buses.messages import (
     Watch,
     Writers,
 )
+from urbihw.buses.processor import Processor
 from urbihw.buses.reports import Reports
 from urbihw.buses.robot_link import RobotLink
 from urbihw.buses.ticker import Ticker
@@ -77,12 +79,14 @@ class Engine:
         begin: Begin,
         context: Context,
         asked_to_end: Callable[[], bool] = lambda: False,
+        processor: Processor | None = None,
     ) -> None:
         self._driver = driver
         self._mailbox = mailbox
         self._settings = begin.settings
         self._asked_to_end = asked_to_end
         self._clock = context.clock
+        self._processor = processor or Processor()
         now = self._clock.now()
         self._stopped_for_silence_since: float | None = None
         self._pending_stop_reason = ""
@@ -102,7 +106,8 @@ class Engine:
         for watch in begin.watches:
             driver.watch(watch, now)
         self._control = None if control is None else self._open_control_socket(control)
-        self._reports = Reports(mailbox, self._control, self._health, self._inventory, self._traffic, self._clock)
+        self._reports = Reports(mailbox, self._control, self._health, self._inventory, self._traffic, self._clock,
+                                self._processor)
         self._link = RobotLink(url, driver, context, self._reports)
         self._inbox = Inbox(mailbox, self._control, self._clock, self._state_fields)
         if begin.instead:
@@ -164,7 +169,7 @@ class Engine:
         self._reports.publish(self._link.port)
         self._reports.tally.ticks += 1
         now = self._clock.now()
-        self._reports.post_statistics(now, self._link.port, self._driver)
+        self._reports.post_statistics(now, self._link.port, self._driver, 1 / self._ticker.period)
         self._reports.tally.late += self._ticker.advance(now)
         if self._ticker.due > now + _TIME_TO_POST_S:
             self._reports.post_held()
@@ -359,6 +364,7 @@ class Engine:
                 told |= self._inventory.state_fields()
             if command.verb == HEALTH:
                 told |= self._health.fields(self._clock.now(), self._inbox.heard_at, self._link.port is not None)
+                told["scheduling"] = self._processor.scheduling
             command.answer(told)
 
     def _state_fields(self) -> dict[str, Any]:

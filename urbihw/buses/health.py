@@ -202,6 +202,9 @@ class HealthRecord:
         return {
             "wanted_rate": self.settings.rate,
             "rate": round(last.rate, 2),
+            "mean_rate": round(_mean([each.rate for each in self._seconds]), 2),
+            "turnaround": round(_mean([each.turnaround for each in self._seconds]), 6),
+            "held_up": round(_mean([each.held_up for each in self._seconds]), 4),
             "load": round(last.load, 4),
             "late": self._late,
             "late_share": round(late / ticks, 5) if ticks else 0.0,
@@ -263,6 +266,10 @@ class HealthRecord:
     def _targets(self, device: Any, table: Mapping[Key, Any]) -> dict[str, float | None]:
         values = {item: raw for (whose, item), raw in table.items() if whose == device}
         return {name: _number(each.value) for name, each in self._readings(device, values).items() if name != ALARM}
+
+
+def _mean(values: list[float]) -> float:
+    return sum(values) / len(values) if values else 0.0
 
 
 def _number(value: float | str) -> float | None:

@@ -195,6 +195,7 @@ class Configure:
         resume: a movement whose device or link was lost meanwhile continues on its return.
         options: settings of the protocol family, by name.
         expected: the devices that the settings expect; () if they expect none.
+        realtime: a process of its own takes real-time scheduling when it begins, where the system allows it.
     """
 
     rate: float = 100.0
@@ -203,6 +204,7 @@ class Configure:
     resume: bool = True
     options: Mapping[str, Any] = field(default_factory=dict)
     expected: tuple[ExpectedDevice, ...] = ()
+    realtime: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -401,10 +403,13 @@ class Statistics:
     Attributes:
         time: end of that second.
         rate: ticks per second.
-        late: ticks that were skipped because the previous one took too long.
+        late: ticks that were missed because others took too long.
         errors: by kind ("timeouts", "damaged", "refused", "retried"): those that the driver counts.
         load: share of the second in which the wire was busy, 0..1.
         dropped: Samples merged into later ones because the parent did not read.
+        wanted: ticks per second that the settings ask for.
+        turnaround: mean time in s that a device takes to answer, without that of the bytes; 0 if unknown.
+        held_up: share of the second in which the worker had something to do and no processor, 0..1.
     """
 
     time: float
@@ -413,6 +418,14 @@ class Statistics:
     errors: Mapping[str, int] = field(default_factory=dict)
     load: float = 0.0
     dropped: int = 0
+    wanted: float = 0.0
+    turnaround: float = 0.0
+    held_up: float = 0.0
+
+    @property
+    def late_share(self) -> float:
+        """The share of the ticks that were missed, 0..1."""
+        return self.late / (self.late + self.rate) if self.late else 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from urbihw.buses.inventory import Inventory
 from urbihw.buses.link import Port
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import FromWorker, WorkerHeartbeat
+from urbihw.buses.processor import Processor
 from urbihw.buses.traffic import TrafficLog
 
 HEARTBEAT_PERIOD_S: Final = 0.1
@@ -41,6 +42,7 @@ class Reports:
         inventory: Inventory,
         traffic: TrafficLog,
         clock: BusClock,
+        processor: Processor,
     ) -> None:
         now = clock.now()
         self._mailbox = mailbox
@@ -51,7 +53,7 @@ class Reports:
         self._clock = clock
         self._held: Iterable[FromWorker] = ()
         self._pulse_at = self._allowed_until = now
-        self.tally = StatisticsCounter(now)
+        self.tally = StatisticsCounter(now, processor)
         self.step_begun_at = now
 
     def post(self, messages: Iterable[FromWorker]) -> None:
@@ -98,11 +100,11 @@ class Reports:
             if event is not None:
                 self._control.publish_traffic(event)
 
-    def post_statistics(self, now: float, link: Port | None, driver: Driver) -> None:
-        """Post a heartbeat if it is time, and the statistics once a second."""
+    def post_statistics(self, now: float, link: Port | None, driver: Driver, wanted: float) -> None:
+        """Post a heartbeat if it is time, and the statistics once a second; `wanted` is the rate of the settings."""
         self.post_heartbeat(now)
         if now - self.tally.since >= _STATISTICS_PERIOD_S:
-            self._post(self.tally.close(now, link, driver.errors(), self._mailbox.pop_dropped_count()))
+            self._post(self.tally.close(now, link, driver, self._mailbox.pop_dropped_count(), wanted))
 
     def post_heartbeat(self, now: float, pause: float = 0.0) -> None:
         """Post a heartbeat if it is time, or if the last one does not allow a pause of so many seconds."""

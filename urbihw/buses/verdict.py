@@ -10,12 +10,12 @@ from collections.abc import Iterator, Mapping
 from enum import IntEnum
 from typing import Any, Final, NamedTuple
 
+from urbihw.buses.pace import Pace
+
 LOW_CHARGE: Final = 0.1
 """Share of its charge below which a battery is reported."""
 NEAR_LIMIT_DEGC: Final = 5.0
 """Distance to the highest temperature at which a warning begins, in degrees C."""
-LATE_SHARE: Final = 0.01
-"""Share of late ticks of the last minute from which on they are a warning."""
 SHORTEST_S: Final = 10.0
 """Seconds of a record below which shares are not judged: while everything starts, the machine is busy."""
 ERROR_SHARE: Final = 0.01
@@ -106,12 +106,14 @@ def _robot(told: Mapping[str, Any]) -> Iterator[Reason]:
 
 
 def _bus(bus: Mapping[str, Any]) -> Iterator[Reason]:
-    late, seconds = number_in(bus, "late_share"), number_in(bus, "recent_seconds")
+    seconds = number_in(bus, "recent_seconds")
     rate, wanted = number_in(bus, "rate"), number_in(bus, "wanted_rate")
+    keys = "wanted_rate", "mean_rate", "late_share", "load", "turnaround", "held_up"
+    pace = Pace(*(number_in(bus, key) for key in keys))
     if seconds < SHORTEST_S:
         return
-    if late > LATE_SHARE:
-        yield Reason(Level.WARNING, "late", "", f"{100 * late:.1f} % of the ticks of the last minute are late")
+    if not pace.is_kept:
+        yield Reason(Level.WARNING, "late", "", pace.explain())
     elif rate < SLOW_SHARE * wanted:
         yield Reason(Level.WARNING, "rate", "", f"{rate:.0f} Hz instead of {wanted:.0f}")
     errors = table_in(bus, "recent_errors")

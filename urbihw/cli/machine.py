@@ -5,6 +5,7 @@ All files are read below a root folder, so that tests can show other machines.  
 
 from __future__ import annotations
 
+import getpass
 import os
 import shutil
 import subprocess
@@ -12,6 +13,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
+
+from urbihw.buses.processor import PRIORITY, may_claim
 
 Verdict = Literal["ok", "note", "bad"]
 Run = Callable[[Sequence[str]], str]
@@ -50,7 +53,7 @@ def check_machine(root: Path = ROOT, run: Run | None = None) -> Iterator[ReportL
     yield from space(root)
     yield from memory(root)
     yield from load(root, os.cpu_count() or 1)
-    yield from real_time(root)
+    yield from real_time(root, may_claim())
 
 
 def run_program(words: Sequence[str]) -> str:
@@ -174,14 +177,20 @@ def load(root: Path, processors: int) -> Iterator[ReportLine]:
         yield ReportLine("ok", text)
 
 
-def real_time(root: Path) -> Iterator[ReportLine]:
-    """Check the kernel's limit for real-time programs."""
+def real_time(root: Path, may_be_one: bool) -> Iterator[ReportLine]:
+    """Check the kernel's limit for real-time programs, and whether a bus worker of this user may be one."""
     text = _read(root / "proc/sys/kernel/sched_rt_runtime_us")
     if text == "-1":
         yield ReportLine("note", "the kernel does not limit real-time programs: one in a loop stops the machine; "
                               "sudo sysctl kernel.sched_rt_runtime_us=950000")
     elif text.isdigit():
         yield ReportLine("ok", f"real-time programs get at most {int(text) / 10000:.0f} % of a processor")
+    if may_be_one:
+        yield ReportLine("ok", "a bus worker of this user may run in real time")
+    else:
+        row = f"{getpass.getuser()} - rtprio {PRIORITY}"
+        yield ReportLine("note", "a bus worker of this user may not run in real time, that of the service may; to "
+                              f"allow it: '{row}' in /etc/security/limits.d/urbihw.conf")
 
 
 def _read(file: Path) -> str:

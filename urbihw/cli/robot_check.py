@@ -68,6 +68,8 @@ def check_served(traffic: WorkerTraffic, seconds: float = WATCH_S) -> BusReport:
     report = BusReport([ReportLine("ok", f"a daemon serves {traffic.about.get('url')}: it is asked, not the robot")])
     told = _health_of(traffic.path)
     report.findings += (ReportLine(_VERDICTS[each.level], str(each)) for each in judge(told))
+    if told.get("scheduling"):
+        report.findings.append(ReportLine("ok", f"its bus worker runs {told['scheduling']}"))
     devices, speed = traffic.devices, traffic.baud or 1_000_000
     if not told.get("link"):
         return report

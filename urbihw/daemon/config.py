@@ -92,6 +92,7 @@ class Config(SettingsTable):
         unread_limit: maximum unread output of a client in bytes.  At half of it the client's own jobs wait when they
             write; output of other jobs beyond the limit closes the connection.
         rate: frequency of reading and writing devices, in Hz.
+        realtime: the bus worker takes real-time scheduling, else a niceness, where the system allows it.
         dead_man: seconds without a sign of life from the daemon after which the bus worker stops the robot; 0: never.
         torque_off_on_stop: a stop also switches the motors off; a standing robot then falls.
         on_disconnect: the effect of a disconnect on the client's motions: "stop" (speeds go to zero, joints hold) or
@@ -126,6 +127,7 @@ class Config(SettingsTable):
     load: tuple[str, ...] = setting((), TEXTS)
     unread_limit: int = setting(8 * MIB, whole(4096, 1024 * MIB, " bytes"))
     rate: float = setting(100.0, number(1, 1000, " Hz"))
+    realtime: bool = setting(True, SWITCH)
     dead_man: float = setting(1.5, number(0, 60, " s"))
     torque_off_on_stop: bool = setting(False, SWITCH)
     on_disconnect: str = setting("stop", choice("stop", "keep"))

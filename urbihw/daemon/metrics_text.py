@@ -35,7 +35,7 @@ _HELP: Final = {
     "bus_ticks_per_second": "rate of the bus cycle",
     "bus_wanted_ticks_per_second": "rate of the settings",
     "bus_load_ratio": "share of the time in which the wire is busy",
-    "bus_late_ticks_total": "ticks that were skipped because one before took too long",
+    "bus_late_ticks_total": "ticks that were missed because others took too long",
     "bus_errors_total": "failures on the wire, by kind",
     "device_up": "whether the device answers",
     "device_lost_total": "how often the device was lost",

@@ -444,4 +444,5 @@ def _robot_settings(config: Config, url: str, control: str = "", memory: str = "
         control=control,
         memory=memory,
         motions=config.motions or str(motions_folder() / config.platform),
+        realtime=config.realtime,
     )

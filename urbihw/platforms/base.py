@@ -16,6 +16,7 @@ from typing import ClassVar, Final, Protocol
 from urbihw.buses import messages as m
 from urbihw.buses.driver import driver_of
 from urbihw.buses.errors import BadUrl, BadValue, LinkGone
+from urbihw.buses.pace import Pace, PaceWatch
 from urbihw.buses.supervisor import Supervisor
 from urbihw.kernel.uobject import (
     BadConfig,
@@ -112,6 +113,7 @@ class WiredRobot(GuardedRobot):
         self._heartbeat: int | None = None
         self._differences: list[str] = []
         self._lost_parts: dict[str, str] = {}
+        self._pace_watch = PaceWatch()
 
     # ---------------------------------------------------------------- what the daemon calls
 
@@ -303,6 +305,7 @@ class WiredRobot(GuardedRobot):
                 self._handle_link_state(message)
             case m.Statistics():
                 self._publish_statistics(message)
+                self.on_statistics(message)
             case m.Refused():
                 self.on_refused(message)
             case m.Stopped():
@@ -384,6 +387,11 @@ class WiredRobot(GuardedRobot):
             {"rate": message.rate, "late": message.late, "busLoad": message.load, "dropped": message.dropped}
             | {kind: float(count) for kind, count in message.errors.items()}
         )
+        second = Pace(
+            message.wanted, message.rate, message.late_share, message.load, message.turnaround, message.held_up
+        )
+        if line := self._pace_watch.hear(second):
+            self.log.warning("%s", line)
 
     def _handle_link_state(self, message: m.LinkState) -> None:
         if self.opening and not message.up:
@@ -431,4 +439,5 @@ def _for_worker(settings: RobotSettings) -> m.Configure:
         torque_off_on_stop=settings.torque_off_on_stop,
         resume=settings.resume,
         options=settings.options,
+        realtime=settings.realtime,
     )

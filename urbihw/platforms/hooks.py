@@ -80,6 +80,9 @@ class RobotHooks(IdentifiedRobot):
         """Return a line for each device that answers and is not used; ``show_problems`` is called when one changes."""
         return []
 
+    def on_statistics(self, message: m.Statistics) -> None:
+        """Handle the statistics of a second."""
+
     def on_link_down(self, reason: str) -> None:
         """The link is down: measured values are stale from now on."""
 

@@ -362,6 +362,9 @@ class ServoDriver(Driver):
         """Return failures since `attach`, by kind."""
         return {} if self._cycle is None else asdict(self._cycle.bus.counters)
 
+    def turnaround(self) -> float:
+        return 0.0 if self._cycle is None else self._cycle.bus.response_timeout.mean
+
     def _start_cycle(self, bus: ServoBus, outcome: ServoScan, lost: Iterable[ServoDevice]) -> list[FromWorker]:
         """Start a cycle with the devices that a scan found and those that are expected but absent."""
         absent = list(lost)

@@ -29,6 +29,11 @@ class ResponseTimeoutEstimator:
         self._started = False
 
     @property
+    def mean(self) -> float:
+        """The smoothed delay in seconds, 0 before the first answer."""
+        return self._mean
+
+    @property
     def brief_allowance(self) -> float:
         """A shorter time-out for devices that are probably absent: mean delay and a margin, without room for bursts."""
         return min(self.allowance, 1.5 * self._mean + _MIN_S) if self._started else self.allowance

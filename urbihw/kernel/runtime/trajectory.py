@@ -105,7 +105,6 @@ class Trajectory:
         self._kind = kinds[0] if kinds else ""
         self._parameter = self._number(attributes[self._kind], self._kind) if kinds else 0.0
         self._check_parameter()
-        self._period = world.period
         self._movement: Movement | None = None
         self._written: float | None = None
         """The value that a closed loop wrote and the variable does not have yet."""
@@ -196,8 +195,8 @@ class Trajectory:
         if math.isnan(last):
             # The position of a lost device is unknown: the limit of the speed can only act from the first value on.
             last = limits.inside(curve(0.0))
-        reach = limits.speedmax * self._period
         for t in self._steps():
+            reach = limits.speedmax * self._period
             over = length - t < self._period - _CLOSE
             wanted = limits.inside(self._target if over else curve(t))
             # The limit counts from what was written, not from what is measured: a device lags behind its target.
@@ -224,10 +223,10 @@ class Trajectory:
 
     def _closed_speed(self, speed: float) -> None:
         speed = self._limits.speed(speed)
-        reach = speed * self._period
         self._pace = speed
         self._set_pace(speed)
         for _, value in self._found():
+            reach = speed * self._period
             way = self._target - value
             if abs(way) <= reach + _CLOSE:
                 self._write(self._target)
@@ -288,19 +287,26 @@ class Trajectory:
 
     # ---------------------------------------------------------------- time
 
+    @property
+    def _period(self) -> float:
+        """Seconds between two steps now: those of a bus change with its rate."""
+        return self._world.period
+
     def _steps(self) -> Any:
         scheduler = self._world.scheduler
         job = scheduler.running()
         begin = job.local_time(scheduler.clock.now())
-        step = 0
+        since, step, period = 0.0, 0, self._period
         while True:
-            yield step * self._period
+            yield since + step * period
+            if period != self._period:
+                since, step, period = since + step * period, 0, self._period
             step += 1
             now = job.local_time(scheduler.clock.now())
             # Steps have absolute times, so that delays do not add up; late steps are left out, not made up for.
-            missed = int((now - begin) / self._period + _CLOSE)
+            missed = int((now - begin - since) / period + _CLOSE)
             step = max(step, missed)
-            scheduler.sleep(begin + step * self._period - now)
+            scheduler.sleep(begin + since + step * period - now)
 
     def _number(self, value: Value, routine: str) -> float:
         number = self._world.as_float(value, 1, routine or None)

@@ -33,6 +33,7 @@ class RobotSettings:
         control: path of the control socket of the bus worker; "" for none.
         memory: path of the file of the devices that the last run has found; "" for none.
         motions: path of the folder of recorded motions and poses; "" for none.
+        realtime: whether the bus worker takes real-time scheduling, where the system allows it.
     """
 
     url: str
@@ -47,6 +48,7 @@ class RobotSettings:
     control: str = ""
     memory: str = ""
     motions: str = ""
+    realtime: bool = False
 
 
 Opened = Callable[[DeviceError | None], None]

@@ -39,6 +39,9 @@ _MOST_NAMED: Final = 8
 """Devices that a message names; the others are counted."""
 _STATUS_WORDS: Final = {"motor": "servo", "sensor": "sensor", "device": "other device"}
 """Kind of device -> its word in ``status``."""
+_LIKE_PERIODS: Final = 0.05
+"""Share by which the period of a bus must change before movements follow it."""
+_SLOWEST_HZ: Final = 1.0
 _OPTIONAL: Final = frozenset({"device"})
 """Kinds that ``status`` names only if there are some."""
 
@@ -131,6 +134,8 @@ class ServoRobot(MotionRobot):
         self._missing: dict[int, None] = {}
         self._new: list[ServoBusDevice] = []
         self._is_built = False
+        self._period = 0.0
+        """The `System.period` that was set last."""
         self._conflicts: tuple[int, ...] = ()
         self._named: dict[int, tuple[str, DeviceSettings]] = {}
         self._calibrated: dict[int, tuple[str, JointCalibration]] = {}
@@ -194,7 +199,20 @@ class ServoRobot(MotionRobot):
 
     def _set_period(self, rate: float) -> None:
         """With the default of 20 ms a movement would give a bus of 100 Hz a new goal in every second tick only."""
-        self.host.run(f"System.period = {1 / rate!r};", f"{self.robot_name}.period")
+        self._period = 1 / rate
+        self.host.run(f"System.period = {self._period!r};", f"{self.robot_name}.period")
+
+    def on_statistics(self, message: m.Statistics) -> None:
+        """Movements follow the rate that the bus achieves, unless a program has set a period of its own."""
+        if not message.wanted:
+            return
+        period = 1 / message.wanted
+        if message.rate < message.wanted / (1 + _LIKE_PERIODS):
+            period = 1 / max(message.rate, _SLOWEST_HZ)
+        if abs(period - self._period) > _LIKE_PERIODS * self._period:
+            before, self._period = self._period, period
+            text = f"if (System.period == {before!r}) System.period = {period!r};"
+            self.host.run(text, f"{self.robot_name}.period")
 
     def status(self) -> str:
         """Return the number of devices of each kind, the rate, and which are lost."""
