@@ -6,7 +6,13 @@ os.write / select / os.read loop that decodes nothing, which shows what this mac
 100 % is the bytes of a cycle at 10 bits each and nothing else. Return delays are 0. The contenders take turns; "best"
 is the turn with the best median cycle, "usual" the median turn.
 
-Then: processor at 100 Hz, the time of a scan, and what 1, 2 and 5 silent servos of 18 cost.
+"core" is the share of a core that a contender takes meanwhile; dynamixel-sdk spins while it waits.
+
+Then: the rate of the worker beside that of dynamixel-sdk, and its share of a core beside the sdk's (budget: 95 % of
+the rate at 10 % of the share); processor at 100 Hz; the same with all cores busy, with and without real-time
+scheduling; the rate that the worker achieves where more is asked for than the wire gives, in simulated time (budget:
+never less where more is asked, and within 2 % of the wire); the time of a scan, and what 1, 2 and 5 silent servos of 18
+cost.
 The fake spins (so that its own wake-up is not counted against the driver): on two cores one is its.
 """
 
@@ -23,6 +29,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from multiprocessing import Pipe
 from pathlib import Path
 
 import dynamixel_sdk  # type: ignore[import-untyped]
@@ -31,12 +38,18 @@ import rustypot
 from bench.quick import add_quick
 from urbihw import buses
 from urbihw.buses import messages as m
-from urbihw.buses.link import Link
+from urbihw.buses.clock import BusSimClock
+from urbihw.buses.driver import driver_of
+from urbihw.buses.engine import Engine
+from urbihw.buses.link import Context, Link
+from urbihw.buses.mailbox import Mailbox
+from urbihw.buses.pipe import PipeEnd
 from urbihw.buses.servos import packet
 from urbihw.buses.servos.bus import ServoBus
 from urbihw.buses.servos.cycle import Cycle
 from urbihw.buses.servos.scan import scan
 from urbihw.buses.worker import Worker
+from urbihw_fakes.bioloid import Bioloid
 
 BAUD = 1_000_000
 WINDOW = 0.5
@@ -76,8 +89,9 @@ class Amounts:
 class Fake:
     """The fake kit in its own process: AX-12 in protocol 1.0, XL430 in 2.0."""
 
-    def __init__(self, protocol: int, paced: bool) -> None:
-        options = ["--pty", "--until-eof", "--baud", str(BAUD), *(["--pace", "--spin"] if paced else [])]
+    def __init__(self, protocol: int, paced: bool, spins: bool = True) -> None:
+        pace = [*(["--pace"] if paced else []), *(["--spin"] if paced and spins else [])]
+        options = ["--pty", "--until-eof", "--baud", str(BAUD), *pace]
         options += ["--x-series", "18"] if protocol == 2 else []
         self._process = subprocess.Popen(
             [sys.executable, "-m", "urbihw_fakes", "bioloid", *options],
@@ -93,6 +107,11 @@ class Fake:
             bus = ServoBus(link, 1 if protocol == 1 else 2)
             for device in IDS:
                 bus.write(device, 5 if protocol == 1 else 9, b"\x00")
+
+    def take_real_time(self) -> None:
+        """Answer in time beside busy processes, as servos do, if this user may do that."""
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(self._process.pid, os.SCHED_RR, os.sched_param(1))
 
     def say(self, line: str) -> None:
         """Type a line at the fake's console and wait for its answer."""
@@ -112,9 +131,9 @@ class Fake:
 
 
 @contextlib.contextmanager
-def fake(protocol: int, paced: bool = True) -> Iterator[Fake]:
+def fake(protocol: int, paced: bool = True, spins: bool = True) -> Iterator[Fake]:
     """A fake for the time of a `with`; without a pace it answers as soon as it can."""
-    made = Fake(protocol, paced)
+    made = Fake(protocol, paced, spins)
     try:
         yield made
     finally:
@@ -133,6 +152,7 @@ class Rounds:
         self._window = window
         self._rates: dict[str, list[float]] = {name: [] for name in contenders}
         self._full: dict[str, list[bool]] = {name: [] for name in contenders}
+        self._shares: dict[str, list[float]] = {name: [] for name in contenders}
 
     def run(self, turns: int) -> None:
         """Give everyone `turns` turns."""
@@ -146,13 +166,15 @@ class Rounds:
             loop(count)
         times = []
         count = 0
-        end = time.perf_counter() + self._window
+        begun, used = time.perf_counter(), time.process_time()
+        end = begun + self._window
         while (start := time.perf_counter()) < end:
             full = loop(count)
             if full:
                 times.append(time.perf_counter() - start)
             self._full[name].append(full)
             count += 1
+        self._shares[name].append((time.process_time() - used) / (time.perf_counter() - begun))
         self._rates[name].append(1 / statistics.median(times) if times else 0.0)
 
     def best(self, name: str) -> float:
@@ -162,6 +184,10 @@ class Rounds:
     def usual(self, name: str) -> float:
         """Cycles a second in the median turn."""
         return statistics.median(self._rates[name])
+
+    def share(self, name: str) -> float:
+        """Share of a core in the median turn, 0..1."""
+        return statistics.median(self._shares[name])
 
     def full(self, name: str) -> float:
         """Percentage of cycles that brought everything."""
@@ -321,7 +347,9 @@ def sdk(kit: Fake, protocol: int) -> Iterator[Loop]:
         port.closePort()
 
 
-def worker_numbers(kit: Fake, protocol: int, rate: float, seconds: float) -> tuple[float, float]:
+def worker_numbers(
+    kit: Fake, protocol: int, rate: float, seconds: float, realtime: bool = False
+) -> tuple[float, float]:
     """(full samples a second, processor share) of a worker whose parent sends new targets for each sample."""
     found = threading.Event()
     full = 0
@@ -337,9 +365,10 @@ def worker_numbers(kit: Fake, protocol: int, rate: float, seconds: float) -> tup
                 values |= {(device, "moving_speed"): 100 + full % 3 for device in IDS}
             worker.send(m.Targets(values))
 
-    settings = m.Configure(rate=rate, dead_man=0, options={"protocol": protocol, "ids": IDS, "fast_read": False})
+    options = {"protocol": protocol, "ids": IDS, "fast_read": False}
+    settings = m.Configure(rate=rate, dead_man=0, options=options, realtime=realtime)
     with Worker.start(kit.url, post=post, settings=settings) as worker:
-        if not found.wait(5):
+        if not found.wait(30):
             raise SystemExit("the worker does not find all: this machine is too busy to measure anything")
         for device in IDS:
             worker.send(m.Watch(device, ITEMS[protocol]))
@@ -365,7 +394,8 @@ def throughput(protocol: int, amounts: Amounts) -> None:
     limit = wire_limit(protocol)
     size = READ[protocol][1]
     print(f"\nprotocol {protocol}.0: sync write of 4 bytes, {size} bytes read, of each of 18 servos, 1 Mbps")
-    print(f"  {'cycles a second':26}{'best':>8} {'of wire':>9} {'usual':>9} {'of wire':>9} {'all data':>10}")
+    columns = f"{'best':>8} {'of wire':>9} {'usual':>9} {'of wire':>9} {'all data':>10} {'core':>7}"
+    print(f"  {'cycles a second':26}{columns}")
     print(f"  {'wire limit':26}{limit:8.1f}   100.0 %")
     with fake(protocol, amounts.paced) as kit:
         contenders: dict[str, Contender] = {
@@ -383,11 +413,65 @@ def throughput(protocol: int, amounts: Amounts) -> None:
         for name, of in limits.items():
             best, usual = rounds.best(name), rounds.usual(name)
             shares = f"{100 * best / of:7.1f} % {usual:9.1f} {100 * usual / of:7.1f} % {rounds.full(name):8.1f} %"
+            shares += f"{100 * rounds.share(name):6.0f} %"
             print(f"  {name:26}{best:8.1f} {shares}", flush=True)
-        rate = worker_numbers(kit, protocol, FLAT_OUT, amounts.seconds)[0]
+        rate, share = worker_numbers(kit, protocol, FLAT_OUT, amounts.seconds)
         print(f"  {'worker process, mean':26}{rate:8.1f} {100 * rate / limit:7.1f} %", flush=True)
+        of_rate = 100 * rate / (rounds.usual("dynamixel-sdk") or 1)
+        of_share = 100 * share / rounds.share("dynamixel-sdk")
+        beside = f"{of_rate:.0f} % of its usual rate, {of_share:.0f} % of its share of a core"
+        print(f"  worker beside dynamixel-sdk: {beside}", flush=True)
         rate, share = worker_numbers(kit, protocol, 100.0, amounts.seconds)
         print(f"  worker at 100 Hz: {rate:.1f} Hz, {100 * share:.1f} % of a core", flush=True)
+
+
+def busy_cores(amounts: Amounts) -> None:
+    """Print the rate beside a busy process on each core, with and without real-time scheduling of the worker."""
+    spin = (sys.executable, "-c", "while True: pass")
+    with fake(1, amounts.paced, spins=False) as kit, contextlib.ExitStack() as stack:
+        kit.take_real_time()
+        for _ in range(os.cpu_count() or 1):
+            stack.callback(subprocess.Popen(spin).kill)
+        for realtime in (False, True):
+            rate, share = worker_numbers(kit, 1, 100.0, amounts.seconds, realtime)
+            how = "in real time, if allowed" if realtime else "as any program"
+            print(f"  every core busy, worker {how}: {rate:.1f} Hz of 100, {100 * share:.1f} % of a core", flush=True)
+
+
+def simulated_rate(asked: float) -> float:
+    """Samples a second of a worker that reads 18 servos with the return delay of the factory, in simulated time."""
+    kit, clock = Bioloid(baud=BAUD), BusSimClock()
+    kit.pace(BAUD)
+
+    def receive(data: bytes, at: float) -> None:
+        kit.tick(at)
+        for answer in kit.feed(data, at):
+            end.send(answer.data, answer.at)
+
+    end = PipeEnd(receive)
+    mine, theirs = Pipe()
+    settings = m.Configure(rate=asked, dead_man=0, options={"protocol": 1, "ids": IDS})
+    context = Context(clock, {"robot": end})
+    engine = Engine(f"pipe://robot?baud={BAUD}", driver_of("servos"), Mailbox(theirs), m.Begin(settings), context)
+    engine.step()
+    for device in IDS:
+        mine.send(m.Watch(device, ITEMS[1]))
+    engine.step()
+    begun, count = clock.now(), 0
+    while clock.now() < begun + 2.0:
+        engine.step()
+        while mine.poll():
+            count += isinstance(mine.recv(), m.Samples)
+    return count / (clock.now() - begun)
+
+
+def asked_and_achieved() -> None:
+    """Print the achieved rate for some that were asked for."""
+    limit = 1 / (18 * ((8 + 14) * BYTE + 0.0005))
+    print(f"\nas shipped (return delay 0.5 ms), protocol 1.0, in simulated time; the wire gives {limit:.1f} Hz")
+    for asked in (25, 50, 75, 80, 100, 150, 200):
+        achieved = simulated_rate(asked)
+        print(f"  {asked:4} Hz asked: {achieved:6.1f} Hz, {100 * achieved / min(asked, limit):5.1f} %", flush=True)
 
 
 def scans(protocol: int, amounts: Amounts) -> None:
@@ -440,6 +524,9 @@ def main() -> None:
     amounts = Amounts(wanted.seconds, 1, 0.05, False) if wanted.quick else Amounts(wanted.seconds)
     for protocol in (1, 2):
         throughput(protocol, amounts)
+    print()
+    busy_cores(amounts)
+    asked_and_achieved()
     print()
     for protocol in (1, 2):
         scans(protocol, amounts)

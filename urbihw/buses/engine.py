@@ -178,6 +178,8 @@ class Engine:
 
     def _tick(self) -> None:
         now = self._clock.now()
+        if self._link.port is not None:
+            self._link.port.beside = tuple(self._inbox.descriptors())
         given = self._gate.set_points.next_targets(now)
         if given:
             self._health.record_applied(given)
@@ -228,6 +230,11 @@ class Engine:
     def _is_tick_urgent(self) -> bool:
         """The same during a tick, which takes long when many devices are silent: send heartbeats meanwhile."""
         self._reports.post_heartbeat(self._clock.now())
+        port = self._link.port
+        if port is not None and port.is_quiet:
+            # The port has just looked, while it waited for an answer.
+            port.is_quiet = False
+            return bool(self._inbox.urgent)
         return self._inbox.is_urgent()
 
     def _wait_for_tick(self) -> None:

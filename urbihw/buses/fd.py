@@ -23,13 +23,10 @@ class FdLink(Link):
     _fd = -1
 
     def _read(self, size: int, deadline: float) -> bytes:
-        fd = self._fd
-        pause = deadline - self.clock.now()
         try:
-            # The kernel looks once more before it reports a time-out, so a late wake-up of this process loses nothing.
-            if not select.select((fd,), (), (), pause if pause > 0 else 0)[0]:
+            if not self._wait_readable(deadline):
                 return b""
-            data = os.read(fd, size)
+            data = os.read(self._fd, size)
         except BlockingIOError:
             return b""
         except (OSError, ValueError) as error:
@@ -37,6 +34,24 @@ class FdLink(Link):
         if not data:
             raise LinkGone(f"{self.url.text}: the other side closed; is it unplugged or switched off?")
         return data
+
+    def _wait_readable(self, deadline: float) -> bool:
+        """Return whether there is input before the deadline; note whether there was something to read beside."""
+        fd = self._fd
+        pause = deadline - self.clock.now()
+        # The kernel looks once more before it reports a time-out, so a late wake-up of this process loses nothing.
+        if self.beside:
+            try:
+                ready = select.select((fd, *self.beside), (), (), pause if pause > 0 else 0)[0]
+            except (OSError, ValueError):
+                # One of them was closed meanwhile; if it is the own one, the next call tells.
+                self.beside = ()
+            else:
+                self.is_quiet = not ready or ready == [fd]
+                if self.is_quiet or fd in ready:
+                    return bool(ready)
+            pause = deadline - self.clock.now()
+        return bool(select.select((fd,), (), (), pause if pause > 0 else 0)[0])
 
     def is_writable(self) -> bool:
         """Return whether the descriptor accepts bytes now; false when it is closed."""

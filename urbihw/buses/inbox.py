@@ -41,7 +41,7 @@ class Inbox:
 
     def receive(self, until: float) -> bool:
         """Wait until something arrives, or until a time; queue it. Return whether something arrived."""
-        ready = self._clock.wait_readable(self._descriptors(), until)
+        ready = self._clock.wait_readable(self.descriptors(), until)
         if not ready:
             return False
         if self._mailbox.fd in ready:
@@ -54,6 +54,11 @@ class Inbox:
         """Return whether a stop has arrived; a driver calls this between two transactions."""
         self.receive(0.0)
         return bool(self.urgent)
+
+    def descriptors(self) -> list[int]:
+        """Return the file descriptors on which something may arrive."""
+        mine = [] if self._mailbox.ended else [self._mailbox.fd]
+        return mine if self._control is None else mine + self._control.descriptors()
 
     def find_silence(self, bound: float, now: float) -> float | None:
         """Return since when the parent was silent for longer than `bound` seconds, None if it was not.
@@ -70,10 +75,6 @@ class Inbox:
         """Do not count until now: the worker did not read, since it executed something that takes long."""
         self._excused_at = self._clock.now()
         self._longest_silence = (0.0, 0.0)
-
-    def _descriptors(self) -> list[int]:
-        mine = [] if self._mailbox.ended else [self._mailbox.fd]
-        return mine if self._control is None else mine + self._control.descriptors()
 
     def _receive_messages(self) -> None:
         messages = self._mailbox.receive_messages()

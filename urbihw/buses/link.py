@@ -134,6 +134,11 @@ class Port(ABC):
         """Called with ">" or "<" and what was written or read; None, the usual case, without an observer."""
         self.before_wait: Callable[[float], None] | None = None
         """Called with the deadline before each wait for input: the worker gives its sign of life."""
+        self.beside: tuple[int, ...] = ()
+        """Descriptors of the worker: a port with a descriptor of its own looks at them during each wait for input, too,
+        so that the worker need not ask the system once more between two questions."""
+        self.is_quiet = False
+        """Whether the last wait has found nothing to read beside; a port that does not look leaves it false."""
         self._is_open = False
 
     @classmethod
