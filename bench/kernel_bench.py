@@ -4,7 +4,7 @@ Three parts: work done in a kernel of this process, as a ratio to the same work 
 what events, watched variables and crowds of jobs cost in microseconds; a server in a process of its own, asked over
 loopback, beside a bare asyncio echo.  Each row is printed beside its budget; what is over it is marked.
 
-Times are of one machine and of the load it had; ratios last.
+Ratios are of processor time and last; other times are of one machine and of the load it had.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 from bench.kernel_server import server
+from bench.kernel_works import WORKS
 from bench.quick import add_quick
 from bench.rows import COLUMNS, row
 from urbihw.kernel import Kernel
@@ -31,101 +31,6 @@ TURNS = 7
 
 
 # ---------------------------------------------------------------- the language beside Python
-
-
-@dataclass(frozen=True)
-class Work:
-    """The same work twice: ``urbi`` is the body of a function, ``python`` a function."""
-
-    name: str
-    urbi: str
-    python: Callable[[], object]
-    budget: float
-    before: str = ""
-
-
-def fibo(n: float) -> float:
-    """The peer of the recursive function."""
-    return n if n < 2 else fibo(n - 1) + fibo(n - 2)
-
-
-def empty_loop() -> None:
-    """The peer of ``for| (100000) {}``."""
-    for _ in range(100_000):
-        pass
-
-
-def c_loop() -> float:
-    """The peer of a C-like for, which Python says as a while."""
-    total, i = 0.0, 0.0
-    while i < 100_000:
-        total += i
-        i += 1
-    return total
-
-
-class Box:
-    """Has a method without arguments."""
-
-    def method(self) -> float:
-        """The peer of a method that gives a constant."""
-        return 1.0
-
-
-def call_method() -> None:
-    """The peer of 100 000 calls."""
-    box = Box()
-    for _ in range(100_000):
-        box.method()
-
-
-class Holder:
-    """Has a box."""
-
-    def __init__(self) -> None:
-        self.box = Box()
-
-    def call(self) -> None:
-        """The peer of 100 000 calls through a slot of this."""
-        for _ in range(100_000):
-            self.box.method()
-
-
-def call_slot_method() -> None:
-    """The peer of calls to an object that is itself looked up by name each time."""
-    Holder().call()
-
-
-def append() -> list[float]:
-    """The peer of ``list << 1``."""
-    made: list[float] = []
-    for _ in range(100_000):
-        made.append(1.0)  # one call a turn is what is measured
-    return made
-
-
-def concatenate() -> str:
-    """The peer of ``string += "x"``."""
-    made = ""
-    for _ in range(10_000):
-        made += "x"
-    return made
-
-
-C_FOR = "var s = 0; for{} (var i = 0; i < 100000; i += 1) s += i; s"
-WORKS = (
-    Work("recursive fibo(20)", "fibo(20)", lambda: fibo(20.0), 4,
-         "function fibo(n) { if (n < 2) n else fibo(n - 1) + fibo(n - 2) }|;"),
-    Work("for| (100000) {}", "for| (100000) {}", empty_loop, 3),
-    Work("C-for| with a local sum, 100 000", C_FOR.format("|"), c_loop, 3),
-    Work("C-for; with a local sum, 100 000", C_FOR.format(""), c_loop, 6),
-    Work("method without arguments, 100 000", "var box = Box.new; for| (100000) box.method()", call_method, 5,
-         "class Box { function method() { 1 } }|;"),
-    Work("the same of an object that is a slot, 100 000", "for| (100000) box.method()", call_slot_method, 5,
-         "class Box { function method() { 1 } }|; var box = Box.new|;"),
-    Work("list << 1, 100 000", "var l = []; for| (100000) l << 1; l", append, 6),
-    Work('string += "x", 10 000', 'var s = ""; for| (10000) s += "x"; s', concatenate, 6),
-)  # fmt: skip
 
 
 class Machine:
@@ -149,10 +54,10 @@ class Machine:
 
 
 def timed(work: Callable[[], object]) -> float:
-    """The seconds that some work takes."""
-    began = time.perf_counter()
+    """The seconds of processor time that some work takes."""
+    began = time.process_time()
     work()
-    return time.perf_counter() - began
+    return time.process_time() - began
 
 
 def language(turns: int) -> None:
@@ -163,7 +68,7 @@ def language(turns: int) -> None:
         machine.run(f"{work.before}\nfunction work() {{ {work.urbi} }}|;\nwork()|;\n")
         ours, theirs = [], []
         for _ in range(turns):
-            ours.append(machine.run("work()|;\n"))
+            ours.append(machine.run("work()|;\n", time.process_time))
             theirs.append(timed(work.python))
         mine, peer = statistics.median(ours), statistics.median(theirs)
         row(work.name, f"{mine * 1e3:.2f} ms", f"{peer * 1e3:.2f} ms", mine / peer, work.budget)
