@@ -12,6 +12,7 @@ from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.uobject import Motion, Origin
+from urbihw.kernel.uobject.motion import no_stack
 from urbihw.platforms.channel import DeviceChannel
 
 
@@ -33,7 +34,7 @@ class Bench:
 
     def origin_of(self, client: Lobby) -> Origin:
         """Where something comes from that this client writes now."""
-        return Origin(self.motion.epoch, "client", "", "", 0.0, client)
+        return Origin(self.motion.epoch, "client", "", no_stack, 0.0, client)
 
 
 @pytest.fixture

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable
 
+import pytest
+
 from urbihw.kernel import Kernel
+from urbihw.kernel.compiler.linemap import LineMap, MappedCall
 from urbihw.kernel.errors import MovementRefused
 from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.sched.clock import SimClock
+from urbihw.kernel.uobject import owned
+from urbihw.kernel.uobject.effector import EffectorDevice
 from urbihw.kernel.uobject.motion import Motion, Origin
 
 
@@ -159,3 +164,33 @@ def test_a_client_that_cannot_send_a_stop_any_more_moves_nothing_nor_do_the_lobb
     rig.first.close()
     rig.kernel.run()
     assert not rig.second.connected
+
+
+class GuardedMotor(EffectorDevice):
+    """A motor without a worker."""
+
+    val = owned(0.0)
+
+    def init(self, motion: Motion) -> None:
+        """Guard the target."""
+        self.guard(motion, 6, self.val)
+
+
+def test_the_place_of_a_write_is_looked_up_only_when_somebody_asks(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = Rig()
+    looked_up: list[int] = []
+    frames = LineMap.frames
+
+    def counted(self: LineMap, index: int) -> list[MappedCall]:
+        looked_up.append(index)
+        return frames(self, index)
+
+    monkeypatch.setattr(LineMap, "frames", counted)
+    rig.kernel.host.create(GuardedMotor, "motor6", rig.motion)
+    rig.say(rig.first, "function Global.move(x) { motor6.val = x }|;")
+    for turn in range(3):  # from the third one on, the text is not parsed any more
+        rig.say(rig.first, f"\nmove(0.{turn})|;")
+    assert not looked_up
+    rig.say(rig.second, "motor6.val = 0.5|;   move(1)|;")
+    rig.say(rig.first, "motor6.why;")
+    assert b"Lobby_2, at 1.22-28, " in rig.first.output.take_bytes()

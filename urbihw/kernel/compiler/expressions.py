@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast as py
+from functools import partial
 
 from urbihw.kernel.compiler.emit import (
     LOAD,
@@ -24,6 +25,9 @@ from urbihw.kernel.compiler.operators import make_operator
 from urbihw.kernel.compiler.visit import Maker, make_expr, make_list, make_thunks, make_value
 from urbihw.kernel.compiler.writer import Writer
 from urbihw.kernel.syntax import ast
+
+MAX_REPEATED = 20
+"""Maximum number of nodes of the arguments that are compiled twice: for a strict function, and for a lazy one."""
 
 
 def make_float(node: ast.Float, w: Writer) -> py.expr:
@@ -109,9 +113,10 @@ def make_local_call(node: ast.Call, w: Writer, function: py.expr) -> py.expr:
     """Call what a local variable holds, with ``this`` as its target."""
     p = w.mark(node, node.name)
     this = w.this(node, p)
+    found = call("callee", [function], p)
     if node.bound.lazy and node.args:
-        return call("lazy_value", [function, this, const(node.name, p), *make_thunks(w, node.args, p)], p)
-    return make_application(node, w, call("callee", [function], p), this, p)
+        return make_guarded(node, w, found, this, p)
+    return make_application(node, w, found, this, p)
 
 
 def make_application(node: ast.Call, w: Writer, function: py.expr, target: py.expr, p: Pos) -> py.expr:
@@ -143,11 +148,59 @@ def make_arguments(w: Writer, args: tuple[ast.Node, ...], p: Pos) -> list[py.exp
 
 
 def make_lazy_send(node: ast.Call, w: Writer, target: Maker) -> py.expr:
-    """A message by a name known to belong to a lazy function."""
+    """A message by a name known to belong to a lazy function; other functions of this name may be strict."""
     receiver = target()
     p = w.mark(node, node.name)
-    args = [receiver, w.this(node, p), const(node.name, p), *make_thunks(w, node.args or (), p)]
-    return call("lazy_send", args, p)
+    if not node.args:
+        return call("lazy_send0", [receiver, w.this(node, p), const(node.name, p)], p)
+    kept = w.fresh("_o")
+    w.emit(set_(kept, receiver, p))
+    found = call("own_method" if node.target is None else "method", [name(kept, p), const(node.name, p)], p)
+    return make_guarded(node, w, found, name(kept, p), p)
+
+
+def make_guarded(node: ast.Call, w: Writer, function: py.expr, target: py.expr, p: Pos) -> py.expr:
+    """Call a function that may be lazy: what is known only when it is called.
+
+    A strict function gets the values of short arguments without a detour.  The values of longer ones are computed by
+    functions, as for a lazy one, so that calls inside calls are not written twice as often at each level.
+    """
+    args = node.args or ()
+    kept, result = w.fresh("_t"), w.fresh()
+
+    def write(strict: bool) -> None:
+        if strict:
+            verb = f"c{len(args)}" if len(args) <= 3 else "cn"
+            made = call(attr(name(kept, p), verb, p), [target, *make_arguments(w, args, p)], p)
+        else:
+            sent = [name(kept, p), target, w.this(node, p), const(node.name, p)]
+            made = call("lazy_call", [*sent, *make_thunks(w, args, p)], p)
+        w.emit(set_(result, made, p))
+
+    w.emit(set_(kept, function, p))
+    if count_short(args) > MAX_REPEATED:
+        write(strict=False)
+    else:
+        values, functions = (w.block(partial(write, strict)) for strict in (True, False))
+        w.emit(if_(attr(name(kept, p), "strict", p), values, functions, p))
+    return name(result, p)
+
+
+def count_short(args: tuple[ast.Node, ...]) -> int:
+    """The number of nodes of some arguments; more than MAX_REPEATED if one of them is not a plain expression, or is
+    written twice itself.
+    """
+    found, todo = 0, list(args)
+    while todo and found <= MAX_REPEATED:
+        node = todo.pop()
+        found += 1
+        if isinstance(node, ast.Call) and not (node.args and node.bound.lazy):
+            todo += [part for part in (node.target, *(node.args or ())) if part is not None]
+        elif isinstance(node, ast.ListLit | ast.TupleLit):
+            todo += node.items
+        elif not isinstance(node, ast.Float | ast.StringLiteral | ast.This):
+            return MAX_REPEATED + 1
+    return found
 
 
 def slot_holder(slot: ast.Call, w: Writer, node: ast.Node) -> Maker:

@@ -7,10 +7,11 @@ from functools import partial
 
 from urbihw.kernel import errors
 from urbihw.kernel.compiler.control import write_abandon
-from urbihw.kernel.compiler.emit import Pos, attr, call, const, do, except_, if_, is_, name, raise_, set_, try_
+from urbihw.kernel.compiler.emit import Pos, attr, call, const, do, except_, if_, is_, list_, name, raise_, set_, try_
 from urbihw.kernel.compiler.expressions import make_pattern
 from urbihw.kernel.compiler.operators import make_condition
 from urbihw.kernel.compiler.places import write_bindings
+from urbihw.kernel.compiler.scopes import is_binding
 from urbihw.kernel.compiler.visit import make_expr, make_thunk, make_value, write_body, write_stmt, write_tagged_scope
 from urbihw.kernel.compiler.writer import Writer
 from urbihw.kernel.syntax import ast
@@ -80,6 +81,11 @@ def write_cases(w: Writer, cases: list[ast.Case], subject: str, dest: str | None
 def write_match(pattern: ast.Node, w: Writer, guard: ast.Node | None, subject: py.expr, hit: str, p: Pos) -> None:
     """Set ``hit`` if the subject matches and the guard holds; the bindings are declared then."""
     bound = w.fresh()
+    if guard is None and is_binding(pattern):
+        w.emit(set_(bound, list_([subject], p), p))
+        write_bindings(pattern, w, pattern, bound)
+        w.emit(set_(hit, const(True, p), p))
+        return
     w.emit(set_(bound, call("match", [make_pattern(pattern, w), subject], p), p))
 
     def inside() -> None:

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Iterator
 from functools import partial
 from types import CodeType, FrameType, TracebackType
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 LINE_MAP = "__urbi__"
 BREAKABLE = "__breakable__"
@@ -75,19 +75,25 @@ class NotedCall(NamedTuple):
     at: int
 
 
+_new: Final = tuple.__new__
 NO_STACK = Stack(None, None, ())
 
 
 def stack_of(error: BaseException, hide_system: bool = True) -> Stack:
     """The urbiscript call stack of an exception, innermost first: the functions that it left, and their callers."""
+    return note_stack(error, hide_system)()
+
+
+def note_stack(error: BaseException, hide_system: bool = True) -> Callable[[], Stack]:
+    """The call stack of an exception as ``stack_of`` tells it, found when it is asked for; it keeps no frame alive."""
     places: list[NotedCall] = []
     tb: TracebackType | None = error.__traceback__
     outer = None if tb is None else tb.tb_frame.f_back
     while tb is not None:
-        places += _place(tb.tb_frame, tb.tb_lasti)
+        _note(tb.tb_frame, tb.tb_lasti, places)
         tb = tb.tb_next
     places.reverse()
-    return _stack(places + _callers(outer), hide_system)
+    return partial(_stack, places + _callers(outer), hide_system)
 
 
 def failed_in_program(error: BaseException) -> bool:
@@ -154,22 +160,25 @@ def running_call() -> str | None:
 def _callers(frame: FrameType | None) -> list[NotedCall]:
     places: list[NotedCall] = []
     while frame is not None:
-        places += _place(frame, frame.f_lasti)
+        names = frame.f_globals
+        if LINE_MAP in names or CALLS in names or IMPLIED_CALLS in names:  # few Python frames are any of them
+            _note(frame, frame.f_lasti, places)
         frame = frame.f_back
     return places
 
 
-def _place(frame: FrameType, at: int) -> tuple[NotedCall, ...]:
-    """The place of a Python frame, at an offset in its code, in a call stack: one, or none."""
-    line_map = frame.f_globals.get(LINE_MAP)
+def _note(frame: FrameType, at: int, places: list[NotedCall]) -> None:
+    """Add the place of a Python frame, at an offset in its code, to a call stack, if it has one."""
+    names = frame.f_globals
+    line_map = names.get(LINE_MAP)
     if line_map is not None:
-        return (NotedCall(line_map, frame.f_code, at),)
+        places.append(_new(NotedCall, (line_map, frame.f_code, at)))
+        return
     routine = frame.f_code.co_name
-    names = frame.f_globals.get(CALLS, {}).get(routine)
-    if names is not None:
-        return (NotedCall(BuiltInCalls(names, system=True), None, 0),)
-    implied = frame.f_globals.get(IMPLIED_CALLS, {}).get(routine)
-    return () if implied is None else (NotedCall(BuiltInCalls((implied,), system=False), None, 0),)
+    if CALLS in names and routine in names[CALLS]:
+        places.append(NotedCall(BuiltInCalls(names[CALLS][routine], system=True), None, 0))
+    elif IMPLIED_CALLS in names and routine in names[IMPLIED_CALLS]:
+        places.append(NotedCall(BuiltInCalls((names[IMPLIED_CALLS][routine],), system=False), None, 0))
 
 
 def _stack(places: list[NotedCall], hide_system: bool) -> Stack:

@@ -10,12 +10,11 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
-from urbihw.kernel.runtime.backtrace import Stack, failed_in_program, stack_of
+from urbihw.kernel.runtime.backtrace import Stack, failed_in_program, note_stack, stack_of
 from urbihw.kernel.runtime.binary import BinaryObject
-from urbihw.kernel.runtime.location import make_frames, make_location
-from urbihw.kernel.runtime.object import Obj, Plain
+from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.plain import plain_error
-from urbihw.kernel.runtime.spelling import suggestion
+from urbihw.kernel.runtime.unread import locate_later, make_unread
 from urbihw.kernel.sched.errors import HeldTooLong, TooManyJobs
 from urbihw.kernel.value import Value
 
@@ -79,19 +78,22 @@ class Failures:
         return raised.with_traceback(error.__traceback__)
 
     def caught(self, error: BaseException) -> Any:
-        """The urbiscript value of a caught error; Exceptions get their location and backtrace here."""
+        """The urbiscript value of a caught error; Exceptions get their location and backtrace, when they are read."""
         urbi = self.normalized(error)
-        return self._caught(urbi, lambda: stack_of(urbi, self._world.hide_system))
+        return self._caught(urbi, None)
 
-    def _caught(self, urbi: errors.ThrownError, find_stack: Callable[[], Stack]) -> Any:
-        if isinstance(urbi, errors.Raised):
-            if urbi.value is None:
-                urbi.value = self._exception(urbi, find_stack())
-            return urbi.value
+    def _caught(self, urbi: errors.ThrownError, stack: Stack | None) -> Any:
+        """The value of an error; ``stack`` is its call stack, None if that is not known yet."""
         value, world = urbi.value, self._world
-        if isinstance(value, Obj) and "backtrace" not in value.slots and world.is_a(value, world.exception_proto):
-            self._locate(value, find_stack())
+        if isinstance(urbi, errors.Raised):
+            if value is None:
+                value = urbi.value = make_unread(world, urbi, self._note(urbi, stack))
+        elif isinstance(value, Obj) and world.is_a(value, world.exception_proto) and "backtrace" not in value.slots:
+            locate_later(value, self._note(urbi, stack))
         return value
+
+    def _note(self, urbi: errors.ThrownError, stack: Stack | None) -> Callable[[], Stack]:
+        return note_stack(urbi, self._world.hide_system) if stack is None else lambda: stack
 
     def describe(self, error: BaseException) -> list[str]:
         """The lines that report an uncaught error to a user, without the leading ``!!!``.
@@ -111,7 +113,7 @@ class Failures:
     def _described(self, error: BaseException) -> list[str]:
         urbi = self.normalized(error)
         stack = stack_of(urbi, self._world.hide_system)
-        value = self._caught(urbi, lambda: stack)
+        value = self._caught(urbi, stack)
         if isinstance(value, Obj) and self._world.is_a(value, self._world.exception_proto):
             head = self.exception_text(value)
             place = self._slot_text(value, "location")
@@ -139,31 +141,3 @@ class Failures:
         if content is None or content is self._world.void or content is self._world.nil:
             return ""
         return self._world.text(content)
-
-    def _exception(self, raised: errors.Raised, stack: Stack) -> Obj:
-        base = self._world.exception_proto
-        kind = base if raised.kind == "Exception" else self._world.classes.get(f"Exception.{raised.kind}", base)
-        made = Plain(self._world, [kind])
-        made.slots["message"] = self._world.string(raised.message + self._spelling(raised))
-        routine = stack.routine if raised.routine == "" else raised.routine
-        if routine is not None:
-            made.slots["routine"] = self._world.string(routine)
-        for name, value in raised.slots.items():
-            made.slots[name] = self._world.from_python(value)
-        self._locate(made, stack)
-        return made
-
-    def _spelling(self, raised: errors.Raised) -> str:
-        """The text that is added to the message of a failed look-up."""
-        if not isinstance(raised, errors.LookupFailed) or raised.target is None:
-            return ""
-        kind = self._world.classes.get("Exception.Lookup")
-        if kind is None or not kind.slots.get("fixSpelling"):
-            return ""
-        return suggestion(self._world, raised.target, raised.slots["name"])
-
-    def _locate(self, value: Obj, stack: Stack) -> None:
-        value.slots["location"] = make_location(self._world, stack.location)
-        value.slots["backtrace"] = make_frames(self._world, stack)
-        if value.cache is not None:
-            self._world.flush()

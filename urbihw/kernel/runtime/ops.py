@@ -21,7 +21,7 @@ from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.ops_assert import assertion_verbs
 from urbihw.kernel.runtime.ops_jobs import tag_verbs, time_verbs
 from urbihw.kernel.runtime.ops_slots import slot_verbs, update_verbs
-from urbihw.kernel.runtime.slots import LOGICAL
+from urbihw.kernel.runtime.slots import LOGICAL, STRICT_NAMES
 from urbihw.kernel.runtime.values import Dictionary, Lazy
 from urbihw.kernel.runtime.verbs import call_unevaluated, locals_of
 from urbihw.kernel.runtime.watch import Box
@@ -32,9 +32,6 @@ from urbihw.kernel.value import Value
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
-
-INDEXING = frozenset(("[]", "[]="))
-"""Names that stay strict even if a lazy function has one of them, so that indexing of lists stays fast."""
 
 CONDITION_VERBS = (
     *("at_expr", "at_event", "at_sync_expr", "at_sync_event"),
@@ -152,17 +149,24 @@ def _calls(world: World, run_late: RunLate, declare_external: DeclareExternal) -
         return call_unevaluated(world, world.ops.method(target, name), target, sender, name, lazies(thunks, nodes))
 
     def is_built_in(target: Value, name: str) -> bool:
-        """Whether ``&&`` or ``
-
-        `` of a target is that of the library, which generated code computes itself.
-        """
+        """Whether ``&&`` or ``||`` of a target is that of the library, which generated code computes itself."""
         return world.ops.method(target, name).__class__ is LazyPrimitive
 
-    def lazy_value(
-        value: Value, target: Value, name: str, thunks: list[Callable[[], Any]], nodes: tuple[Any, ...]
+    def lazy_send0(target: Value, sender: Value, name: str) -> Value:
+        """The same without arguments."""
+        value: Any = world.ops.method(target, name)
+        return value.c0(target) if value.strict else call_unevaluated(world, value, target, sender, name, [])
+
+    def lazy_call(
+        value: Any, target: Value, sender: Value, name: str, thunks: list[Callable[[], Any]], nodes: tuple[Any, ...]
     ) -> Value:
-        """Call a local variable that may hold a lazy function."""
-        return call_unevaluated(world, value, target, target, name, lazies(thunks, nodes))
+        """Call a function that may be lazy."""
+        if not value.strict:
+            return call_unevaluated(world, value, target, sender, name, lazies(thunks, nodes))
+        given = [thunk() for thunk in thunks]
+        if world.void in given:
+            raise errors.unexpected_void()
+        return value.call(target, tuple(given))
 
     def lazy_site(value: Value, target: Value, sender: Value, name: str, site: int) -> Value:
         """A call that was compiled as strict and whose function is lazy: the arguments use the waiting Python frame."""
@@ -170,7 +174,7 @@ def _calls(world: World, run_late: RunLate, declare_external: DeclareExternal) -
         place = frame.f_globals[LINE_MAP]
         sites = place.syntax.late
         thunks = sites.thunks(site, frame, place, sender, run_late)
-        if name not in INDEXING and name not in LOGICAL:
+        if name not in LOGICAL | STRICT_NAMES:
             world.lazy_names.add(name)
         return call_unevaluated(world, value, target, sender, name, lazies(thunks, sites.arguments(site)))
 
@@ -178,7 +182,7 @@ def _calls(world: World, run_late: RunLate, declare_external: DeclareExternal) -
         """``external kind (arity) path from source``."""
         return declare_external(world, kind, path, arity, source)
 
-    return locals_of(callee, lazy_send, is_built_in, lazy_value, lazy_site, external)
+    return locals_of(callee, lazy_send, lazy_send0, is_built_in, lazy_call, lazy_site, external)
 
 
 def _flow(world: World) -> dict[str, Any]:

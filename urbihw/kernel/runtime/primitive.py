@@ -11,7 +11,8 @@ The types of the parameters, ``this`` included, are checked (module ``arguments`
 left out, ``*args`` takes any number.  The return value is converted to an urbiscript value (None to void), unless it is
 annotated ``Value`` or ``Any``.
 
-``raw`` rows are factories ``make(world)`` of a function ``fn(this, *args)`` without any check: for the few hot ones.
+``raw`` rows are factories ``make(world)`` of a function ``fn(this, *args)`` without any check, or of ``Forms``: for the
+few hot ones.
 ``lazy`` rows take the call message: ``fn(world, message)``.
 """
 
@@ -24,7 +25,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from urbihw.kernel.runtime.arguments import Check, annotated_type
 from urbihw.kernel.runtime.code import DirectPrimitive, Executable, LazyPrimitive, Primitive, make_primitive
-from urbihw.kernel.runtime.slots import LOGICAL
+from urbihw.kernel.runtime.slots import LOGICAL, STRICT_NAMES
 from urbihw.kernel.value import Value
 
 if TYPE_CHECKING:
@@ -33,6 +34,15 @@ if TYPE_CHECKING:
 __breakable__ = True
 
 Function = Callable[..., Any]
+
+
+class Forms(NamedTuple):
+    """A raw built-in with forms of fixed arity beside the one for any number of arguments, which is slower."""
+
+    run: Function
+    none: Function | None = None
+    one: Function | None = None
+    two: Function | None = None
 
 
 class PrimitiveRow(NamedTuple):
@@ -90,7 +100,7 @@ class Table:
         for row in self.rows:
             for name in row.names:
                 proto.slots[name] = build(world, name, row)
-                if row.kind == "lazy" and name not in LOGICAL:
+                if row.kind == "lazy" and name not in LOGICAL | STRICT_NAMES:
                     world.lazy_names.add(name)
         world.flush()
 
@@ -104,7 +114,10 @@ def build(world: World, name: str, row: PrimitiveRow) -> Primitive:
 
 def _build(world: World, name: str, row: PrimitiveRow) -> Primitive:
     if row.kind == "raw":
-        return make_primitive(world, name, row.function(world), row.least, row.most)
+        made = row.function(world)
+        if isinstance(made, Forms):
+            return make_primitive(world, name, made.run, row.least, row.most, made[1:])
+        return make_primitive(world, name, made, row.least, row.most)
     if row.kind == "lazy":
         function = row.function
 

@@ -413,7 +413,7 @@ def lineage(world: World, value: Value) -> list[Any]:
         if id(ancestor) not in seen:
             seen.add(id(ancestor))
             found.append(ancestor)
-            todo.extend(reversed(world.protos_of(ancestor)))
+            todo += (world.protos_of(ancestor) if ancestor.__class__ is float else ancestor.protos)[::-1]
     return found
 
 

@@ -29,6 +29,10 @@ there."""
 LOGICAL = frozenset(("!", "&&", "||"))
 """The operators that compiled code does not send as messages, unless a program redefines one anywhere."""
 
+STRICT_NAMES = frozenset(("[]", "[]=", "new"))
+"""Names that everybody uses and that a few functions of the library, which are lazy, have too.  Calls by such a name
+are compiled for strict functions."""
+
 CACHE_MISS = (KeyError, TypeError, IndexError, AttributeError)
 """The errors of reading the cache of the first prototype when there is no answer: no entry, no cache, no prototype, or
 a number as prototype."""
@@ -275,7 +279,7 @@ class SlotOps:
         if name == "asBool":
             self.world.truth_redefined = True
         if isinstance(value, Executable):
-            if not value.strict or name in LOGICAL:
+            if name in LOGICAL or (not value.strict and name not in STRICT_NAMES):
                 self.world.lazy_names.add(name)
             if name in OPERATORS:
                 self.world.operator_redefined(obj)

@@ -9,13 +9,7 @@ there are no suggestions for them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Final
-
-from urbihw.kernel.runtime.record import lineage
-from urbihw.kernel.value import Value
-
-if TYPE_CHECKING:
-    from urbihw.kernel.runtime.world import World
+from typing import Final
 
 MIN_LENGTH_ONE_SLIP, MIN_LENGTH_TWO_SLIPS = 4, 5
 """Minimum length of a name that may have one slip, or two."""
@@ -25,9 +19,8 @@ MAX_ANCESTORS: Final = 1000
 """Maximum number of objects whose slots are searched for a suggestion."""
 
 
-def suggestion(world: World, target: Value, name: str) -> str:
-    """`` (possible misspelling of NAME)`` for a slot that was not found in ``target``, or ""."""
-    names = {slot for ancestor in lineage(world, target)[:MAX_ANCESTORS] for slot in world.peek_obj(ancestor).slots}
+def suggestion(name: str, names: Iterable[str]) -> str:
+    """`` (possible misspelling of NAME)`` for a slot that was not found among these names, or ""."""
     near = nearest(name, names)
     return f" (possible misspelling of {near})" if near else ""
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.object import Obj
-from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.primitive import CheckedPrimitive, Forms, Table
 from urbihw.kernel.runtime.record import lineage
 from urbihw.kernel.runtime.slot import meta_of
 from urbihw.kernel.runtime.values import CallMessage, FloatObject, List, ProtoList
@@ -37,14 +37,33 @@ def clone(world: World, this: Value) -> Value:
 @TABLE.raw("new", least=0, most=-1)
 def new(world: World) -> Any:
     """Clone this object and call ``init`` of the clone with the arguments."""
+    method, invoke = world.ops.method, world.invoke
+
+    def made_of(this: Value) -> Any:
+        found: Any = method(this, "clone")
+        if found.__class__ is CheckedPrimitive and found.source is clone:
+            return clone(world, this)
+        return invoke(found, this, (), "clone")
 
     def run(this: Value, *args: Value) -> Value:
-        made = world.send(this, "clone")
+        made = made_of(this)
         if made is not this:
             world.send(made, "init", *args)
         return made
 
-    return run
+    def run0(this: Value) -> Value:
+        made = made_of(this)
+        if made is not this:
+            world.ops.send0(made, "init")
+        return made
+
+    def run1(this: Value, argument: Value) -> Value:
+        made = made_of(this)
+        if made is not this:
+            world.send1(made, "init", argument)
+        return made
+
+    return Forms(run, run0, run1)
 
 
 @TABLE.primitive("init")

@@ -25,7 +25,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from urbihw.kernel import errors
-from urbihw.kernel.runtime.backtrace import current_stack
+from urbihw.kernel.runtime.backtrace import NO_STACK, Stack, later_stack
 
 if TYPE_CHECKING:
     from urbihw.kernel.sched.job import Job
@@ -33,6 +33,11 @@ if TYPE_CHECKING:
 
 ROBOT = "robot"
 """The client name of writes without a connection: files loaded at start, and devices in the server."""
+
+
+def no_stack() -> Stack:
+    """The call stack of a write outside user programs."""
+    return NO_STACK
 
 
 WARNING_PERIOD_S: Final = 10.0
@@ -47,7 +52,7 @@ class Origin:
         epoch: epoch of the robot at the time of the write.
         client: name and address of the connection; ``ROBOT`` for writes without a connection.
         tag: the innermost tag made by the user, "" for none.
-        place: location of the statement, such as ``3.1-20``; "" outside user programs.
+        stack: the calls that led to the write, looked up when somebody asks for ``place``.
         time: time of the statement's first write to this effector, in seconds of the kernel's clock.
         lease: the lobby, None for the robot itself.
         mark: distinguishes writes before a stop of a single device from writes after it.
@@ -57,22 +62,30 @@ class Origin:
     epoch: int
     client: str
     tag: str
-    place: str
+    stack: Callable[[], Stack]
     time: float
     lease: Any = None
     mark: int = 0
     pace: float = math.inf
 
+    @property
+    def place(self) -> str:
+        """Location of the statement, not of a function that it has called, such as ``3.1-20``; "" outside user
+        programs.
+        """
+        stack = self.stack()
+        return str((stack.calls[-1].location if stack.calls else stack.location) or "")
+
     def __str__(self) -> str:
-        tag = f", tag {self.tag}" if self.tag else ""
-        return f"{self.client}{tag}" + (f", at {self.place}" if self.place else "")
+        tag, place = f", tag {self.tag}" if self.tag else "", self.place
+        return f"{self.client}{tag}" + (f", at {place}" if place else "")
 
     def warn(self, text: str) -> None:
         """Print a warning for the client that wrote, with the place in its program."""
         output = getattr(self.lease, "output", None)
         if output is not None:
-            place = f"{self.place}: " if self.place else ""
-            output.line(f"!!! {place}warning: {text}", "warning")
+            place = self.place
+            output.line(f"!!! {place}{': ' if place else ''}warning: {text}", "warning")
 
 
 @dataclass(slots=True)
@@ -352,7 +365,7 @@ class Motion:
     def own(self) -> Origin:
         """The origin of movements that the robot starts by itself."""
         scheduler = self._world.scheduler
-        return Origin(self.epoch, ROBOT, "", "", scheduler.clock.now(), None, scheduler.epoch)
+        return Origin(self.epoch, ROBOT, "", no_stack, scheduler.clock.now(), None, scheduler.epoch)
 
     def _lease_lasts(self, origin: Origin) -> bool:
         return self.keep or origin.lease is None or bool(getattr(origin.lease, "in_command", True))
@@ -362,12 +375,9 @@ class Motion:
         job = self._world.scheduler.current
         if job is None:
             return self.own()
-        stack = current_stack()
-        # The statement itself, not the function that it has called.
-        place = str((stack.calls[-1].location if stack.calls else stack.location) or "")
         scheduler = self._world.scheduler
         client, now = _client(job.context), scheduler.clock.now()
-        return Origin(self.epoch, client, _tag(job), place, now, job.context, scheduler.epoch)
+        return Origin(self.epoch, client, _tag(job), later_stack(), now, job.context, scheduler.epoch)
 
     # ---------------------------------------------------------------- leases
 
