@@ -36,7 +36,7 @@ class Lobby(Obj):
     is_per_connection = True
     __slots__ = (
         "answering", "connected", "holdings", "in_command", "input_handler", "label", "lease", "maker", "on_quit",
-        "output", "peer", "programs", "received", "released_at", "shell", "silence", "tag", "user",
+        "ordered", "output", "peer", "programs", "received", "released_at", "shell", "silence", "tag", "user",
     )  # fmt: skip
 
     def __init__(
@@ -62,6 +62,9 @@ class Lobby(Obj):
         """The lowest epoch of a statement that may move devices: ``release_devices`` sets it."""
         self.silence = ""
         """What the client has done, in words, while it may not move devices because its ``lease`` is over; else ""."""
+        self.ordered: int | None = None
+        """The ``Job.ordered`` of every statement, if a device in another process sends them: that is one program, and
+        nobody orders its statements one by one.  None for a client, of which each statement is an order."""
         self.lease = ClientLease(self)
         self.on_quit: Callable[[], None] = lambda: None
         self.peer = remote
