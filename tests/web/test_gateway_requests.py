@@ -81,7 +81,8 @@ def test_an_emergency_stop_that_a_worker_left_unanswered_reaches_its_replacement
         made.worker.dies = ["estop"]
         assert (await browser.ask("estop"))["confirmed"]
         assert made.worker.asked == ["estop anna (panel)"]
-        assert made.worker.path.with_suffix(".estop").read_text() == "anna (panel)\n", "for one that begins now"
+        kept = made.worker.path.with_suffix(".estop").read_text()
+        assert kept == "anna (panel)\tanna (panel)\n", "for one that begins now"
 
     play(tmp_path, test)
 

@@ -20,7 +20,7 @@ They are also stopped when the client closes its sending side, because it then c
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
@@ -92,6 +92,7 @@ class Motion:
         stops: number of stops of any kind, including stops of parts of the robot.
         reason: reason of the last stop.
         latched: reason of the active emergency stop, "" if there is none; ``release`` ends it.
+        holders: user -> name, of those whose emergency stops hold, as far as they are known.
         keep: whether a movement continues when its client has disconnected.
         held: device -> reason why it may not move at present.
         absent: device, None for all -> why writes to it do not act at present, and the lowest ``Job.epoch`` of a
@@ -109,6 +110,7 @@ class Motion:
         self.stops = 0
         self.reason = ""
         self.latched = ""
+        self.holders: dict[str, str] = {}
         self.keep = False
         self.held: dict[Hashable, str] = {}
         self.absent: dict[Hashable, tuple[str, int]] = {}
@@ -132,6 +134,17 @@ class Motion:
             self._world.devices_released.remove(self._client_lets_go)
 
     # ---------------------------------------------------------------- stopping
+
+    def person(self) -> str:
+        """Who runs the present statement, whatever connection is used: ``Lobby.person``, or ``ROBOT``."""
+        job = self._world.scheduler.current
+        lease = None if job is None else job.context
+        return str(getattr(lease, "person", ROBOT))
+
+    def hold(self, holders: Mapping[str, str]) -> None:
+        """An emergency stop holds: nothing moves until ``release``."""
+        self.holders = dict(holders)
+        self.latched = " and ".join(self.holders.values())
 
     def asked(self) -> str:
         """The requester of the present stop, in words."""
@@ -157,6 +170,7 @@ class Motion:
         """The emergency stop is over.  What was ordered until now may not move the robot any more, even if it catches
         errors or is an ``at`` that waits: a motion without an order is not expected.
         """
+        self.holders = {}
         if self.latched:
             self.latched = ""
             self._world.scheduler.epoch += 1
