@@ -13,7 +13,7 @@ from urbihw.kernel.uobject import UObject, function
 from urbihw.kernel.uremote.frames import SIZES, EmitRequest, ProgramText, Update, encode
 
 PROGRAMS = {
-    "loops that catch": "for (var i : 20) detach({ loop { try { motor6.val = 1 } catch {}; sleep(50ms) } });",
+    "loops that catch": "for (var i : 100) detach({ loop { try { motor6.val = 1 } catch {}; sleep(50ms) } });",
     "every": "detach({ every| (100ms) { try { motor6.val = 1 } catch {} } });",
     "at": "at (motor7.val > 0.3) motor6.val = 1;",
     "handler of an event that a loop emits": "var Global.e = Event.new|; at (e?) motor6.val = 1;"
@@ -59,12 +59,16 @@ def test_what_began_before_the_release_moves_nothing_until_it_is_armed_again(nam
     release(lab)
     lab.kit.servo(7).position = 700.0  # a hand; the condition of ``at`` becomes true
     assert horn(lab, 2.0) < 1
+    # They are told, also to who has not begun them, as in the panel.
+    assert lab.heard().count("warning: bioloid: an emergency stop was released after this program had begun") == 1
+    assert "programs of Lobby_1, begun before the emergency stop, want to move" in lab.look("robot.problems")
     # What is ordered now does, and so does the old program when that is wanted.
     lab.say("motor6.val = -1;", 1.5)
     assert lab.number("motor6.val") == pytest.approx(-1.0, abs=0.05)
     lab.kit.servo(7).position = 300.0
     assert horn(lab, 0.3) < 1
     lab.say("bioloid.rearm;")
+    assert lab.look("robot.problems") == "[]"
     lab.kit.servo(7).position = 700.0
     assert horn(lab, 1.0) > 20
 

@@ -40,6 +40,7 @@ class GuardedRobot(RobotHooks):
         """Called by ``new``."""
         self.log = DeviceLog(logging.getLogger(f"urbihw.{self.robot_name}"), self.host.now, self.call_later)
         self.motion = Motion(self.host, self.robot_name, self._stop_released)
+        self.motion.on_unarmed = self._tell_unarmed
         self.channel = DeviceChannel(self.send_message, self.motion)
         self.limits = LimitSettings({}, {})
         self._standstills = 0
@@ -48,6 +49,10 @@ class GuardedRobot(RobotHooks):
         self._unknown_limits: set[str] = set()
         self._has_sent_limits = False
         self.notify_change(self.estop, self._set_estop)
+
+    def show_problems(self) -> None:
+        """Show what keeps the robot from working as it should, in the slot ``problems``."""
+        raise NotImplementedError
 
     def send_message(self, message: m.ToWorker) -> None:
         """Send a message to the worker, if there is one."""
@@ -159,6 +164,12 @@ class GuardedRobot(RobotHooks):
         self._end_motion(reason)
         self.motion.renew()
         self.send_message(m.Stop(self.motion.epoch, reason))
+
+    def _tell_unarmed(self) -> None:
+        self.show_problems()
+        waiting = self.motion.explain_unarmed()
+        if waiting:
+            self.log.warning("%s", waiting)
 
     def _end_motion(self, reason: str, epoch: int | None = None) -> None:
         """The robot is stopped: end all motion of the earlier epochs."""
