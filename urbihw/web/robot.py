@@ -115,7 +115,7 @@ class WatchedRobot:
             holder = str(told.get("estop") or "")
             if told.get("released") is False:
                 raise WebRefusal(f"an emergency stop of {holder} holds: it is not yours", "held")
-            return {"estop": holder, "link": told.get("link") is True}
+            return {"estop": holder, "link": told.get("link") is True, "unkept": str(told.get("unkept") or "")}
         if link is None:
             raise LobbyError("the daemon is not connected", "gone")
         return await remote.obey(link, verb, self.tree.platform_path, others)

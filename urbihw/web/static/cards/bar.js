@@ -46,6 +46,7 @@ export async function stopRobot(verb) {
     if (mine !== turn) return;
     const by = answer.by === "daemon" ? ", by the server" : "";
     if (answer.link === false) tellStop("bad", `${word} NOT CONFIRMED: ${NO_LINK}, which may still be moving. It stops when the link is back`);
+    else if (answer.unkept) tellStop("bad", `Held, but ${answer.unkept}`);
     else tellStop("ok", `${verb === "estop" ? "Held" : "Stopped"} after ${Math.round(answer.ms)} ms${by}`);
   } catch (error) {
     if (mine === turn) tellStop("bad", `${word} NOT CONFIRMED: ${error.message.replace(/^NOT CONFIRMED: /, "")}`);
