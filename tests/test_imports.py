@@ -123,8 +123,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.platforms.arrival": ("urbihw.kernel.uobject",),
     "urbihw.platforms.hooks": ("urbihw.buses", "urbihw.platforms.identity", "urbihw.platforms.limits"),
     "urbihw.platforms.guarded": (
-        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.channel", "urbihw.platforms.clipping",
-        "urbihw.platforms.devicelog", "urbihw.platforms.hooks", "urbihw.platforms.limits",
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.control_address", "urbihw.platforms.channel",
+        "urbihw.platforms.clipping", "urbihw.platforms.devicelog", "urbihw.platforms.hooks", "urbihw.platforms.limits",
     ),  # fmt: skip
     "urbihw.platforms.base": (
         "urbihw.kernel.uobject", "urbihw.buses", "urbihw.buses.pace", "urbihw.settings", "urbihw.platforms.arrival",

@@ -20,6 +20,11 @@ def abstract_address(control: str | os.PathLike[str]) -> bytes:
     return b"\0" + (PREFIX + os.path.abspath(control)).encode("utf-8", "surrogateescape")
 
 
+def local_user(number: int) -> str:
+    """Whose emergency stop it is that a user of this machine presses, whatever terminal or program is used."""
+    return f"uid {number}"
+
+
 def user_at(connection: socket.socket) -> int:
     """The number of the user at the other end of a UNIX socket.  Raises OSError."""
     raw = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize(_CREDENTIALS))

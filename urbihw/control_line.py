@@ -14,6 +14,7 @@ from urbihw.control_address import abstract_address, user_at
 
 TYPE_CHECKING = False  # as ``typing`` has it, whose import a stop cannot wait for
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from typing import Any, Final
 
     Path = str | os.PathLike[str]
@@ -27,12 +28,24 @@ CONNECT_PAUSE_S: Final = 0.01
 """Seconds between attempts while the queue of the socket is full, as there is no event for its end."""
 
 
-def question(verb: str, who: str = "") -> bytes:
-    """The line that asks for something; ``who`` is the name of the requester."""
-    line = "".join(each if each.isprintable() else " " for each in who[:MAX_NAME_LENGTH])
-    quoted = line.replace("\\", "\\\\").replace('"', '\\"')
-    by = f', "who": "{quoted}"' if who else ""
+def question(
+    verb: str, who: str = "", user: str = "", others: Sequence[str] = (), everyone: bool = False
+) -> bytes:
+    """The line that asks for something; ``who`` is the name of the requester.
+
+    ``user``: whose emergency stop it is, "" for the user of this process; ``others`` and ``everyone``: whose emergency
+    stops are released too.
+    """
+    by = f', "who": {_quoted(who)}' if who else ""
+    by += f', "user": {_quoted(user)}' if user else ""
+    by += f', "others": [{", ".join(map(_quoted, others))}]' if others else ""
+    by += ', "everyone": true' if everyone else ""
     return f'{{"do": "{verb}"{by}}}\n'.encode()
+
+
+def _quoted(text: str) -> str:
+    line = "".join(each if each.isprintable() else " " for each in text[:MAX_NAME_LENGTH])
+    return '"' + line.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 def dial_control(path: Path, timeout: float | None = ANSWER_TIMEOUT_S) -> socket.socket:

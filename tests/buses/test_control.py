@@ -15,19 +15,21 @@ from typing import Any
 import pytest
 
 from urbihw.buses import messages as m
+from urbihw.buses.authority import MOST_HOLDERS
 from urbihw.buses.clock import BusRealClock
 from urbihw.buses.control import LOOK_PERIOD_S, MAX_CLIENTS, MAX_LINE_BYTES, MAX_QUEUED_LINES, REST_S, ControlSocket
 from urbihw.buses.driver import driver_of
 from urbihw.buses.engine import Engine
 from urbihw.buses.errors import Unavailable
 from urbihw.buses.mailbox import Mailbox
-from urbihw.control_address import abstract_address
+from urbihw.control_address import abstract_address, local_user
 
 from .conftest import Rig
 from .test_worker import Bench, of
 
 Say = dict[str, Any]
 GOAL = "goal_position"
+ME = local_user(os.getuid())
 LISTENERS = 2
 """At the file, and at the abstract name."""
 
@@ -85,10 +87,10 @@ class ControlBench(Bench):
         self.callers.append(Caller(self.path if address is None else address))
         return self.callers[-1]
 
-    def order(self, verb: str, who: str = "a test") -> tuple[Say, list[m.FromWorker]]:
+    def order(self, verb: str, who: str = "a test", **more: Any) -> tuple[Say, list[m.FromWorker]]:
         """Say something as a new client: the answer, and what the parent heard meanwhile."""
         caller = self.call()
-        caller.say(verb, who)
+        caller.send(json.dumps({"do": verb, "who": who, **more}).encode() + b"\n")
         heard = self.run(0.03)
         (answer,) = caller.hear()
         return answer, heard
@@ -159,7 +161,7 @@ def test_the_robot_stands_before_the_latch_is_written(bench: ControlBench, monke
         seen.append(bench.register(GOAL))
         return "no inode is left"
 
-    monkeypatch.setattr(authority, "_write_latch", write)
+    monkeypatch.setattr(authority, "_write_latches", write)
     bench.move(900)
     answer, _ = bench.order("estop")
     assert seen == [pytest.approx(bench.register("present_position"), abs=3)]
@@ -191,7 +193,7 @@ def test_an_emergency_stop_holds_back_what_moves_and_nothing_else(bench: Control
     bench.move(900)
     answer, heard = bench.order("estop", "the red button")
     assert answer["estop"] == "the red button"
-    assert of(m.Latched, heard) == [m.Latched("the red button", "the red button")]
+    assert of(m.Latched, heard) == [m.Latched("the red button", "the red button", ((ME, "the red button"),))]
     place = bench.register(GOAL)
     bench.tell(
         m.Targets({(6, GOAL): 900, (6, "led"): 1}, 5),
@@ -233,7 +235,8 @@ def test_release_lets_it_move_again_but_moves_nothing(bench: ControlBench) -> No
     bench.order("estop")
     place = bench.register(GOAL)
     answer, heard = bench.order("release", "the tester")
-    assert (answer["estop"], of(m.Latched, heard)) == ("", [m.Latched("", "the tester")])
+    assert (answer["estop"], answer["released"]) == ("", True)
+    assert of(m.Latched, heard) == [m.Latched("", "the tester", (), ("a test",))]
     bench.run(0.5)
     assert bench.register(GOAL) == place
     bench.move(900, epoch=answer["epoch"])
@@ -244,11 +247,11 @@ def test_release_lets_it_move_again_but_moves_nothing(bench: ControlBench) -> No
 def test_the_latch_outlives_the_worker(bench: ControlBench, make_rig: Callable[..., Rig]) -> None:
     bench.order("estop", "the red button")
     latch = bench.path.with_suffix(".estop")
-    assert latch.read_text() == "the red button\n"
+    assert latch.read_text() == f"the red button\t{ME}\n"
     bench.end()
     assert latch.exists() and not bench.path.exists()
     second = ControlBench(make_rig(bench.rig.kit), bench.path)
-    assert of(m.Latched, second.run(0.5)) == [m.Latched("the red button")]
+    assert of(m.Latched, second.run(0.5)) == [m.Latched("the red button", holders=((ME, "the red button"),))]
     before = second.register(GOAL)
     assert len(of(m.Refused, second.move(before + 100))) == 1
     assert second.register(GOAL) == before
@@ -256,6 +259,116 @@ def test_the_latch_outlives_the_worker(bench: ControlBench, make_rig: Callable[.
     second.order("release")
     assert not latch.exists()
     second.end()
+
+
+def can_move(bench: ControlBench) -> bool:
+    """Whether a target of the present epoch reaches servo 6."""
+    before = bench.register(GOAL)
+    bench.move(before + 5, epoch=bench.engine._authority.epoch)
+    return bench.register(GOAL) != before
+
+
+def test_the_robot_is_free_when_all_who_have_pressed_have_released(
+    bench: ControlBench, make_rig: Callable[..., Rig]
+) -> None:
+    bench.order("estop", "Ann at the desk", user="ann")
+    answer, _ = bench.order("estop", "Bob", user="bob")
+    assert answer["estop"] == "Ann at the desk and Bob"
+    assert answer["holders"] == [{"user": "ann", "who": "Ann at the desk"}, {"user": "bob", "who": "Bob"}]
+    # Who holds nothing changes nothing.
+    answer, heard = bench.order("release", "Cid", user="cid")
+    assert (answer["released"], answer["estop"], of(m.Latched, heard)) == (False, "Ann at the desk and Bob", [])
+    # It is the user who counts, not the connection or the name of it.
+    answer, heard = bench.order("release", "Ann at the door", user="ann")
+    assert (answer["released"], answer["estop"]) == (True, "Bob")
+    assert of(m.Latched, heard) == [m.Latched("Bob", "Ann at the door", (("bob", "Bob"),), ("Ann at the desk",))]
+    assert not can_move(bench)
+    assert bench.path.with_suffix(".estop").read_text() == "Bob\tbob\n"
+    bench.order("estop", "Ann again", user="ann")
+    bench.end()
+    second = ControlBench(make_rig(bench.rig.kit), bench.path)
+    second.run(0.5)
+    assert second.order("state")[0]["estop"] == "Bob and Ann again"
+    second.order("release", "Bob", user="bob")
+    assert not can_move(second)
+    second.order("release", "Ann", user="ann")
+    assert can_move(second)
+    assert not bench.path.with_suffix(".estop").exists()
+    second.end()
+
+
+@pytest.mark.parametrize("more", [{"others": ["Ann", "bob"]}, {"everyone": True}])
+def test_the_stops_of_others_are_released_by_name_or_all_and_the_parent_hears_who_did(
+    bench: ControlBench, more: Say
+) -> None:
+    bench.order("estop", "Ann", user="ann")
+    bench.order("estop", "Bob", user="bob")
+    answer, heard = bench.order("release", "the tester", **more)
+    assert (answer["released"], answer["estop"]) == (True, "")
+    assert of(m.Latched, heard) == [m.Latched("", "the tester", (), ("Ann", "Bob"))]
+    assert can_move(bench)
+
+
+def test_another_user_of_the_machine_is_who_the_system_says_and_releases_nobody_else(
+    bench: ControlBench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.order("estop", "Ann", user="ann")
+    monkeypatch.setattr("urbihw.buses.control.user_at", lambda connection: 4711)
+    assert bench.order("release", "Ann", user="ann")[0]["released"] is False
+    for more in ({"others": ["Ann"]}, {"everyone": True}):
+        answer, _ = bench.order("release", "Ann", **more)
+        assert answer == {
+            "ok": False,
+            "refused": True,
+            "error": "only root and the user of the daemon may release the emergency stops of others: use sudo",
+        }
+    answer, _ = bench.order("estop", "somebody", user="ann")
+    assert answer["holders"][1] == {"user": "uid 4711", "who": "somebody"}
+    assert bench.order("release", "somebody")[0]["estop"] == "Ann"
+
+
+def test_a_latch_of_nobody_known_is_released_by_anybody(rig: Rig, tmp_path: Path) -> None:
+    (tmp_path / "robot.estop").write_text("the red button\n")
+    bench = ControlBench(rig, tmp_path / "robot.sock")
+    bench.run(0.5)
+    assert bench.order("state")[0]["estop"] == "the red button"
+    assert bench.order("release")[0]["estop"] == ""
+    bench.end()
+
+
+def test_more_users_than_are_kept_share_a_latch(bench: ControlBench) -> None:
+    authority = bench.engine._authority
+    for number in range(MOST_HOLDERS + 2):
+        authority.latch(f"user {number}", f"user {number}")
+    for number in range(MOST_HOLDERS):
+        authority.release(f"user {number}")
+    assert len(authority.holders) == 1
+    assert authority.release("user 64") == ()
+    assert authority.release("", everyone=True)
+
+
+@pytest.mark.parametrize("size", [5000, 100_000])
+@pytest.mark.parametrize("first", ["do", "who"])
+@pytest.mark.parametrize("verb", ["stop", "estop"])
+def test_a_stop_is_executed_whatever_its_name_is(bench: ControlBench, verb: str, first: str, size: int) -> None:
+    bench.move(900)
+    words = {"do": verb, "who": "x" * size}
+    line = json.dumps({name: words[name] for name in sorted(words, reverse=first == "who")}).encode()
+    caller = bench.call()
+    caller.send(line + b'\n{"do": "state"}\n')
+    bench.run(0.3)
+    assert bench.register(GOAL) == pytest.approx(bench.register("present_position"), abs=3)
+    answer, state = caller.hear()
+    assert (answer["ok"], answer["do"]) == (True, verb)
+    assert state["estop"] == ("x" * 100 if verb == "estop" else "")
+
+
+def test_a_long_line_that_only_speaks_of_a_stop_is_none(bench: ControlBench) -> None:
+    caller = bench.call()
+    caller.send(json.dumps({"do": "state", "who": 'x"do": "estop"' * 500}).encode() + b"\n")
+    bench.run(0.1)
+    assert [answer["ok"] for answer in caller.hear()] == [False] and caller.ended
+    assert bench.order("state")[0]["estop"] == ""
 
 
 def test_a_stop_while_the_link_is_down_is_owed_and_says_so(bench: ControlBench) -> None:

@@ -234,21 +234,22 @@ def test_the_next_one_knows_what_the_last_one_knew(rig: Rig) -> None:
     assert rig.worker.told == [limits]
 
 
-@pytest.mark.parametrize("told", (m.EmergencyStop("the red button"), None))
-def test_the_next_one_is_held_by_the_emergency_stop_of_the_last_one(rig: Rig, told: m.EmergencyStop | None) -> None:
-    if told is not None:
-        rig.supervisor.send(told)
-    else:
-        rig.worker.post(m.Latched("the red button"))
+def test_the_next_one_is_held_by_the_emergency_stops_of_the_last_one(rig: Rig) -> None:
+    ann, bob = ("ann", "Ann at the desk"), ("bob", "Bob")
+    rig.worker.post(m.Latched("Ann at the desk", ann[1], (ann,)))
+    rig.supervisor.send(m.EmergencyStop("Bob", "bob"))
     rig.worker.end("it died")
-    assert rig.worker.told == [m.EmergencyStop("the red button")]
-    rig.supervisor.send(m.Release("a user"))
+    assert [*rig.worker.begin.holders] == [ann, bob]
+    # Only the worker knows what a release has released.
+    rig.supervisor.send(m.Release("Bob", "bob"))
     rig.worker.end("it died")
-    assert rig.worker.told == []
-    rig.worker.post(m.Latched("the red button"))
-    rig.worker.post(m.Latched("", "a user"))
+    assert [*rig.worker.begin.holders] == [ann, bob]
+    rig.worker.post(m.Latched("Ann at the desk", "Bob", (ann,), ("Bob",)))
     rig.worker.end("it died")
-    assert rig.worker.told == []
+    assert [*rig.worker.begin.holders] == [ann]
+    rig.worker.post(m.Latched("", "Ann", (), (ann[1],)))
+    rig.worker.end("it died")
+    assert [*rig.worker.begin.holders] == []
 
 
 def test_what_waits_for_a_worker_that_does_not_read_is_not_for_the_next_one(

@@ -38,7 +38,11 @@ def test_a_healthy_robot_gives_no_reason() -> None:
 
 CASES = [
     (robot(link=False, link_reason="no such port"), 2, "no link: no such port"),
-    (robot(estop="the red button"), 2, "emergency stop by the red button; urbihw release ends it"),
+    (
+        robot(estop="the red button"),
+        2,
+        "emergency stop by the red button; urbihw release ends it, with --all also if it is not yours",
+    ),
     (
         robot(dead_man={"timeout": 1.5, "age": 4.0, "fired": True}),
         2,

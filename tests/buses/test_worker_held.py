@@ -158,7 +158,8 @@ def test_a_release_that_cannot_remove_the_latch_says_so(tmp_path: Path) -> None:
     (latch / "full").mkdir(parents=True)
     authority = MotionAuthority(0, latch)
     assert authority.latched == "emergency stop"
-    problem = authority.release()
+    assert authority.release("a test") == ("emergency stop",)
+    problem = authority.keep_latches()
     assert str(latch) in problem and "remove it" in problem
     assert authority.latched == ""
 
@@ -168,7 +169,7 @@ def test_an_emergency_stop_with_a_pipe_in_place_of_its_file_holds_and_says_so(tm
     os.mkfifo(tmp_path / "c.estop")
     authority.latch("a test")
     assert authority.latched
-    assert "is not kept" in authority.keep_latch() == authority.unkept
+    assert "is not kept" in authority.keep_latches() == authority.unkept
     assert authority.latched == "a test"
 
 

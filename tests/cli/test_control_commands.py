@@ -164,6 +164,43 @@ def test_an_answer_that_makes_no_sense_is_no_stop(add: Add, capsys: Capture) -> 
     assert "bioloid-54000: it did not understand" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(("words", "asked"), [
+    (("--of", "Ann (panel)", "--of", "the red \"button\""), {"others": ["Ann (panel)", "the red \"button\""]}),
+    (("--all",), {"everyone": True}),
+])
+def test_a_release_may_be_for_others(add: Add, words: tuple[str, ...], asked: dict[str, Any]) -> None:
+    robot = add()
+    assert main(("release", "--who", "me", *words)) == 0
+    assert robot.heard == [{"do": "release", "who": "me", **asked}]
+
+
+@pytest.mark.parametrize(("state", "line"), [
+    ({"estop": "Ann (panel)", "released": False}, "an emergency stop of Ann (panel) holds"),
+    ({"estop": "Ann", "released": True}, "your emergency stop is released, but that of Ann holds"),
+])
+def test_a_release_while_others_hold_the_robot_tells_who_and_what_to_do(
+    add: Add, capsys: Capture, state: dict[str, Any], line: str
+) -> None:
+    add(answer=STATE | state)
+    assert main(("release",)) == 69
+    hint = "who has pressed it releases it, or: urbihw release --all"
+    assert capsys.readouterr() == ("", f"urbihw: bioloid-54000: {line}: {hint}\n")
+
+
+def test_a_refusal_of_the_worker_is_told(add: Add, capsys: Capture) -> None:
+    add(answer={"ok": False, "refused": True, "error": "use sudo"})
+    assert main(("release", "--all")) == 69
+    assert capsys.readouterr().err == "urbihw: bioloid-54000: use sudo\n"
+
+
+def test_who_calls_sudo_presses_for_himself(add: Add, monkeypatch: pytest.MonkeyPatch) -> None:
+    robot = add()
+    monkeypatch.setattr(os, "getuid", lambda: 0)
+    monkeypatch.setenv("SUDO_UID", "1000")
+    main(("estop", "--who", "me"))
+    assert robot.heard == [{"do": "estop", "who": "me", "user": "uid 1000"}]
+
+
 # ---------------------------------------------------------------- no worker
 
 

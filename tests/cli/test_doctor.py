@@ -296,7 +296,7 @@ def test_behind_a_daemon_its_worker_is_asked(
         worker.close()
     lines = capsys.readouterr().out.splitlines()
     assert "ok    a daemon serves /dev/ttyUSB7: it is asked, not the robot" in lines
-    assert "bad   emergency stop by the red button; urbihw release ends it" in lines
+    assert "bad   emergency stop by the red button; urbihw release ends it, with --all also if it is not yours" in lines
     assert "note  400 retried on the wire in 60 s" in lines
     assert "note  turnaround: 2.00 .. 2.00 ms (the slowest: 1): return delay, adapter or system" in lines
     assert "bad   a daemon serves this robot: stop it, then --mend" in lines

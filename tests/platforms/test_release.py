@@ -9,9 +9,11 @@ import pytest
 from bioloid_lab import Lab
 
 from urbihw.buses import messages as m
+from urbihw.kernel.uobject import UObject, function
+from urbihw.kernel.uremote.frames import SIZES, EmitRequest, ProgramText, Update, encode
 
 PROGRAMS = {
-    "loops that catch": "for (var i : 20) detach({ loop { try { motor6.val = 1 } catch {}; sleep(50ms) } });",
+    "loops that catch": "for (var i : 100) detach({ loop { try { motor6.val = 1 } catch {}; sleep(50ms) } });",
     "every": "detach({ every| (100ms) { try { motor6.val = 1 } catch {} } });",
     "at": "at (motor7.val > 0.3) motor6.val = 1;",
     "handler of an event that a loop emits": "var Global.e = Event.new|; at (e?) motor6.val = 1;"
@@ -57,12 +59,16 @@ def test_what_began_before_the_release_moves_nothing_until_it_is_armed_again(nam
     release(lab)
     lab.kit.servo(7).position = 700.0  # a hand; the condition of ``at`` becomes true
     assert horn(lab, 2.0) < 1
+    # They are told, also to who has not begun them, as in the panel.
+    assert lab.heard().count("warning: bioloid: an emergency stop was released after this program had begun") == 1
+    assert "programs of Lobby_1, begun before the emergency stop, want to move" in lab.look("robot.problems")
     # What is ordered now does, and so does the old program when that is wanted.
     lab.say("motor6.val = -1;", 1.5)
     assert lab.number("motor6.val") == pytest.approx(-1.0, abs=0.05)
     lab.kit.servo(7).position = 300.0
     assert horn(lab, 0.3) < 1
     lab.say("bioloid.rearm;")
+    assert lab.look("robot.problems") == "[]"
     lab.kit.servo(7).position = 700.0
     assert horn(lab, 1.0) > 20
 
@@ -75,3 +81,121 @@ def test_who_releases_may_move_and_what_an_order_triggers_too() -> None:
     assert lab.number("motor6.val") == pytest.approx(1.0, abs=0.05)
     lab.say("e!(-1);", 2.0)
     assert lab.number("motor6.val") == pytest.approx(-1.0, abs=0.05)
+
+
+# ---------------------------------------------------------------- devices that are programs
+
+
+class FarDevice:
+    """A device in another process, ``far``, with the variable ``val`` and the event ``seen``."""
+
+    def __init__(self, lab: Lab, binary: bool) -> None:
+        self._lab = lab
+        self._binary = binary
+        self.lobby = lab.kernel.open_lobby("127.0.0.1")
+        made = "class far{}|external object far|var far.val = 0|external var far.val from far|var far.seen = Event.new|"
+        self.lobby.feed(made.encode() + b"external function (0) far.go from far|;")
+        if binary:
+            self.lobby.feed(b'binaryMode(1, "b")|;\n')
+            lab.run(0)
+            self.lobby.feed(SIZES)
+        lab.run(0.02)
+
+    def tell(self, value: float) -> None:
+        """Report a value, and emit the event."""
+        if self._binary:
+            self._send(Update("far.val", value, 0), EmitRequest("far.seen", []))
+        else:
+            self.lobby.feed(f'far.getSlot("val").update_timed({value}, 0)|;far.seen!|;\n'.encode())
+        self._lab.run(0.02)
+
+    def run(self, text: str) -> None:
+        """Run urbiscript at the server."""
+        if self._binary:
+            self._send(ProgramText(f"{text}|;"))
+        else:
+            self.lobby.feed(f"{text}|;\n".encode())
+        self._lab.run(0.02)
+
+    def _send(self, *frames: Update | EmitRequest | ProgramText) -> None:
+        self.lobby.feed(b"".join(bytes(part) for frame in frames for part in encode(frame)))
+
+
+@pytest.mark.parametrize("binary", [False, True])
+@pytest.mark.parametrize("called", [False, True])
+def test_values_and_events_of_a_remote_device_are_no_orders(called: bool, binary: bool) -> None:
+    lab = Lab.ready()
+    lab.run(0.1)
+    far = FarDevice(lab, binary)
+    handlers = "at (uobjects.far.val > 1) motor6.val = 1; at (uobjects.far.seen?) motor6.val = 1;"
+    lab.say(handlers + "loop { waituntil (uobjects.far.val > 1); try { motor6.val = 1 } catch {}; sleep(20ms) },", 0.2)
+    press(lab)
+    release(lab)
+    if called:
+        lab.say("uobjects.far.go(),", 0.1)
+    far.tell(2.0)
+    far.tell(0.0)
+    far.tell(3.0)
+    assert horn(lab, 0.3) < 1
+    # What is set up now may be woken by it.
+    lab.say("at (uobjects.far.val < 1) motor6.val = -1;", 0.2)
+    far.tell(0.0)
+    assert horn(lab, 0.5) > 20
+
+
+@pytest.mark.parametrize("binary", [False, True])
+def test_a_remote_program_that_moves_the_robot_waits_for_an_order(binary: bool) -> None:
+    """It is one program, which began when it joined; a call of its functions is an order."""
+    lab = Lab.ready()
+    lab.run(0.1)
+    far = FarDevice(lab, binary)
+    far.run("motor6.val = 1")
+    assert horn(lab, 0.5) > 20
+    press(lab)
+    release(lab)
+    for _ in range(20):
+        far.run("try { motor6.val = -1 } catch {}")
+    assert horn(lab, 0.3) < 1
+    # A call is one.
+    lab.say("uobjects.far.go(),", 0.1)
+    far.run("motor6.val = -1")
+    assert horn(lab, 0.5) > 20
+
+
+class Tracker(UObject):
+    """A device in the server that moves the robot by itself, and when it is told to."""
+
+    def init(self) -> None:
+        self.set_timer(0.1, self.act)
+        self.active, self.by_text = True, False
+
+    def act(self) -> None:
+        """Follow something."""
+        if self.active and self.by_text:
+            self.send("try { motor6.val = 1 } catch {};")
+        elif self.active:
+            self.var("motor6.val").set(1.0)
+
+    @function
+    def go(self) -> None:
+        """Do it once."""
+        self.var("motor6.val").set(-1.0)
+
+
+@pytest.mark.parametrize("by_text", [False, True])
+def test_a_device_in_the_server_moves_nothing_by_itself_after_a_release(by_text: bool) -> None:
+    lab = Lab.ready()
+    lab.kernel.host.register(Tracker)
+    tracker = lab.kernel.host.create(Tracker, "tracker")
+    tracker.by_text = by_text
+    lab.run(1.0)
+    assert lab.number("motor6.val") == pytest.approx(1.0, abs=0.05)
+    tracker.active = False
+    lab.say("motor6.val = 0;", 1.0)
+    tracker.active = True
+    press(lab)
+    release(lab)
+    assert horn(lab, 0.3) < 1
+    tracker.active = False
+    lab.say("tracker.go;")
+    assert horn(lab, 0.5) > 20

@@ -66,12 +66,15 @@ class Daemon:
 
 
 class Worker:
-    """A control socket; ``asked`` are the verbs but for health; of each in ``dies`` it ends once without an answer."""
+    """A control socket; ``asked`` are the verbs but for health, ``heard`` the last question; of each verb in ``dies``
+    it ends once without an answer.  ``state`` is a part of each answer."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.asked: list[str] = []
         self.dies: list[str] = []
+        self.heard: dict[str, Any] = {}
+        self.state: dict[str, Any] = {}
         self._server: asyncio.Server
 
     async def start(self) -> None:
@@ -85,9 +88,10 @@ class Worker:
             return
         if told["do"] != "health":
             self.asked.append(f"{told['do']} {told.get('who', '')}".strip())
+            self.heard = told
         state = {"ok": True, "do": told["do"], "epoch": 1, "estop": "", "link": True, "time": 1.0, "last_stop": None,
                  "bus": {"rate": 100.0, "load": 0.4, "late": 0}, "devices": []}  # fmt: skip
-        writer.write(json.dumps(state).encode() + b"\n")
+        writer.write(json.dumps(state | self.state).encode() + b"\n")
         writer.close()
         with contextlib.suppress(ConnectionError):
             await writer.wait_closed()

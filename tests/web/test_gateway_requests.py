@@ -81,7 +81,37 @@ def test_an_emergency_stop_that_a_worker_left_unanswered_reaches_its_replacement
         made.worker.dies = ["estop"]
         assert (await browser.ask("estop"))["confirmed"]
         assert made.worker.asked == ["estop anna (panel)"]
-        assert made.worker.path.with_suffix(".estop").read_text() == "anna (panel)\n", "for one that begins now"
+        kept = made.worker.path.with_suffix(".estop").read_text()
+        assert kept == "anna (panel)\tanna (panel)\n", "for one that begins now"
+
+    play(tmp_path, test)
+
+
+def test_a_release_is_that_of_the_browser_and_role_full_may_release_those_it_was_shown(tmp_path: Path) -> None:
+    async def test(made: Site) -> None:
+        drive, full = await made.browser("drive"), await made.browser("full")
+        holders = [{"user": "bob (panel)", "who": "bob (panel)"}, {"user": "uid 1000", "who": "me@pts/0"}]
+        made.worker.state = {"estop": "bob (panel) and me@pts/0", "holders": holders, "released": False}
+        told = await full.event("state", lambda told: told["estop"] != "")
+        assert (told["holders"], told["holds"]) == (["bob (panel)", "me@pts/0"], False)
+        assert await refused(drive.ask("release")) == "held"
+        assert made.worker.heard == {"do": "release", "who": "anna (panel)", "user": "anna (panel)"}
+        assert await refused(drive.ask("release", of=told["holders"])) == "role"
+        assert await refused(full.ask("release", of=[7])) == "bad"
+        made.worker.state = {"released": True}
+        assert (await full.ask("release", of=told["holders"]))["estop"] == ""
+        assert made.worker.heard["others"] == told["holders"]
+        made.worker.state = {"estop": "anna (panel)", "holders": [{"user": "anna (panel)", "who": "anna (panel)"}]}
+        assert (await full.event("state", lambda told: told["holds"]))["holders"] == ["anna (panel)"]
+
+    play(tmp_path, test)
+
+
+def test_an_emergency_stop_that_is_not_kept_says_so(tmp_path: Path) -> None:
+    async def test(made: Site) -> None:
+        browser = await made.browser("view")
+        made.worker.state = {"estop": "anna (panel)", "unkept": "no inode is left"}
+        assert (await browser.ask("estop"))["unkept"] == "no inode is left"
 
     play(tmp_path, test)
 

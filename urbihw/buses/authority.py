@@ -2,19 +2,26 @@
 
 Every write that may move the robot carries the epoch in which it was made.  Each stop advances the epoch; writes of an
 older epoch are refused from then on, from every sender.  An emergency stop also latches: until its release every write
-that may move the robot is refused.  The latch is stored in a file, so that a replacement worker finds it.  A file that
-is there holds, whatever it contains and even if it cannot be read: the robot was not released.
+that may move the robot is refused.  There is one latch for each user who has pressed an emergency stop, and the robot
+is free when all are released.  They are stored in a file, one in a line (name, tab, user), so that a replacement worker
+finds them.  A file that is there holds, whatever it contains and even if it cannot be read: the robot was not released.
 """
 
 from __future__ import annotations
 
 import errno
 import os
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Final
 
 STALE: Final = "the robot was stopped after this was asked for"
 _MOST: Final = 200
+MOST_HOLDERS: Final = 64
+"""Users who may have a latch of their own; those after them share one."""
+UNKNOWN: Final = ""
+"""The user of a latch that anybody may release, since its owner is unknown."""
+_OTHERS: Final = "others"
 _ABSENT: Final = frozenset({errno.ENOENT, errno.ENOTDIR, errno.ENAMETOOLONG})
 """Failures to open a file that cannot be there."""
 
@@ -24,47 +31,58 @@ class MotionAuthority:
 
     Attributes:
         epoch: the current motion epoch.
-        latched: the reason of the emergency stop that holds, "" if none does.
+        holders: user -> name, of those who hold the robot by an emergency stop.
         unreadable: why the latch file could not be read, although it is there; "" if it could.
-        unkept: why the latch that holds is not in its file, so that it ends with this worker; "" if it is.
+        unkept: why the latches that hold are not in their file, so that they end with this worker; "" if they are.
     """
 
-    def __init__(self, epoch: int = 0, file: Path | None = None) -> None:
-        """``file`` stores the latch; with None the latch ends with this worker."""
+    def __init__(self, epoch: int = 0, file: Path | None = None, holders: Iterable[tuple[str, str]] = ()) -> None:
+        """``file`` stores the latches; with None they end with this worker.  ``holders`` hold the robot already."""
         self.epoch = epoch
         self._file = file
         self.unreadable = self.unkept = ""
-        self.latched = self._read_latch()
+        self.holders = self._read_latches() | dict(holders)
+
+    @property
+    def latched(self) -> str:
+        """Who holds the robot by an emergency stop, in words; "" if it is free."""
+        return " and ".join(self.holders.values())
 
     def advance(self, epoch: int | None = None) -> None:
         """Begin the next epoch after a stop, or ``epoch`` if the master has numbered it already."""
         # Never back: the worker may have stopped the robot by itself meanwhile, and that stop holds.
         self.epoch = self.epoch + 1 if epoch is None else max(self.epoch, epoch)
 
-    def latch(self, reason: str) -> None:
-        """Refuse all motion until ``release``; ``keep_latch`` writes the file, after the stop."""
-        self.latched = " ".join(reason.split())[:_MOST] or "emergency stop"
+    def latch(self, who: str, user: str = UNKNOWN) -> None:
+        """Refuse all motion until the release of this user; ``keep_latches`` writes the file, after the stop."""
+        if user not in self.holders and len(self.holders) >= MOST_HOLDERS:
+            user = _OTHERS
+        self.holders[_in_line(user)] = _in_line(who) or "emergency stop"
 
-    def keep_latch(self) -> str:
-        """Write the latch to its file; return why that was not possible, which ``unkept`` tells from then on, or ""."""
-        self.unkept = self._write_latch()
-        return self.unkept
+    def keep_latches(self) -> str:
+        """Write the latches to their file, or remove it if there are none; return why that was not possible, or "".
 
-    def _write_latch(self) -> str:
+        ``unkept`` tells from then on why those that hold are not kept.
+        """
+        if self.holders:
+            self.unkept = self._write_latches()
+            return self.unkept
+        self.unkept = ""
+        return self._remove_latches()
+
+    def _write_latches(self) -> str:
         if self._file is None:
             return ""
         try:
             # Never blocking: a pipe in place of the file must not hold up the stop.
             flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NONBLOCK | os.O_CLOEXEC
             with os.fdopen(os.open(self._file, flags, 0o666), "wb") as file:
-                file.write(self.latched.encode() + b"\n")
+                file.write("".join(f"{who}\t{user}\n" for user, who in self.holders.items()).encode())
         except (OSError, ValueError) as error:
             return f"the emergency stop holds, but is not kept in {self._file}: {error}"
         return ""
 
-    def release(self) -> str:
-        """Allow motion again and remove the latch file; return why it could not be removed, or ""."""
-        self.latched = self.unkept = ""
+    def _remove_latches(self) -> str:
         if self._file is None:
             return ""
         try:
@@ -74,32 +92,53 @@ class MotionAuthority:
             return f"released, but {self._file} cannot be removed ({why}), so it holds at the next start: remove it"
         return ""
 
+    def release(self, user: str, others: Collection[str] = (), everyone: bool = False) -> tuple[str, ...]:
+        """Release the latch of a user, and those of others, by user or name, or all; ``keep_latches`` comes next.
+
+        Returns the names of those whose latches it was; none if somebody else holds the robot.
+        """
+        freed = [
+            each
+            for each, who in self.holders.items()
+            if everyone or each in (UNKNOWN, user) or each in others or who in others
+        ]
+        return tuple(self.holders.pop(each) for each in freed)
+
     def refusal(self, epoch: int) -> str:
         """Return why a write of this epoch may not move the robot, "" if it may."""
-        if self.latched:
+        if self.holders:
             return f"an emergency stop holds ({self.latched}): release it first"
         return STALE if epoch < self.epoch else ""
 
-    def _read_latch(self) -> str:
-        """Return the reason in the latch file, "" if there is no file."""
+    def _read_latches(self) -> dict[str, str]:
+        """Return the latches in the file: user -> name."""
         if self._file is None:
-            return ""
+            return {}
         try:
             # Never blocking: it may be a pipe.
             with os.fdopen(os.open(self._file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
-                data = file.read(4 * _MOST) or b""
+                data = file.read(8 * _MOST * MOST_HOLDERS) or b""
         except OSError as error:
             if error.errno in _ABSENT:
-                return ""
+                return {}
             self.unreadable = self._explain_unreadable(error.strerror or str(error))
-            return "emergency stop"
-        text = data.decode("utf-8", "replace")[:_MOST]
+            return {UNKNOWN: "emergency stop"}
+        text = data.decode("utf-8", "replace")
         if "\ufffd" in text:
             self.unreadable = self._explain_unreadable("it is not UTF-8 text")
-        return " ".join("".join(each if each.isprintable() else " " for each in text).split()) or "emergency stop"
+        found = {}
+        for row in text.splitlines()[-MOST_HOLDERS:]:
+            who, _, user = row.partition("\t")
+            found[_in_line(user)] = _in_line(who) or "emergency stop"
+        return found or {UNKNOWN: "emergency stop"}
 
     def _explain_unreadable(self, why: str) -> str:
         return f"{self._file} cannot be read ({why}): an emergency stop holds, release it"
+
+
+def _in_line(text: str) -> str:
+    """A name or user in one line of a file and of a log."""
+    return " ".join("".join(each if each.isprintable() else " " for each in text[:_MOST]).split())
 
 
 def _remove(file: Path) -> None:

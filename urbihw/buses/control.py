@@ -5,6 +5,9 @@ A UNIX stream socket, mode 0660.  Each line is a JSON object, in both directions
     > {"do": "estop", "who": "the red button"}
     < {"ok": true, "do": "estop", "epoch": 4, "estop": "the red button", "link": true}
 
+An emergency stop belongs to the user at the other end, whom the system names; the user of this worker and root, such as
+the gateway, may name another one in ``user``, and they may release the stops of others.
+
 The file may be deleted under the worker, by somebody who cleans up: it is made again within half a second. Meanwhile
 there is an abstract socket (``urbihw.control_address``), for the user of the worker and for root.
 
@@ -17,6 +20,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import socket
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -31,11 +35,12 @@ from urbihw.buses.messages import (
     FromWorker,
     Latched,
     LinkState,
+    Release,
     Samples,
     Statistics,
     Stopped,
 )
-from urbihw.control_address import abstract_address, user_at
+from urbihw.control_address import abstract_address, local_user, user_at
 
 STOP, ESTOP, RELEASE, STATE, SUBSCRIBE, HEALTH = "stop", "estop", "release", "state", "subscribe", "health"
 TRACE: Final = "trace"
@@ -48,6 +53,12 @@ BACKLOG: Final = 128
 NAMELESS: Final = "control socket"
 """Who asks, where a command does not say."""
 MAX_LINE_BYTES: Final = 4096
+MAX_LONG_LINE_BYTES: Final = 1 << 20
+"""Bytes of a longer line in which a stop is still looked for."""
+MAX_NAME_LENGTH: Final = 100
+"""Characters of a name, or of a user; what is longer is cut."""
+MOST_OTHERS: Final = 64
+"""Stops of others that a client may release by name at a time."""
 LOOK_PERIOD_S: Final = 0.5
 """Seconds between two looks whether the file is still there."""
 MOST_LISTENERS: Final = 3
@@ -56,6 +67,12 @@ REST_S: Final = 0.05
 """Seconds for which a client is not read after a question whose answer takes about a millisecond to make."""
 _COSTLY: Final = (STATE, HEALTH, TRACE)
 _URGENT: Final = (STOP, ESTOP)
+_ESTOPS: Final = (ESTOP, RELEASE)
+_URGENT_WORDS: Final = re.compile(rb'"do"\s*:\s*"(e?stop)"')
+"""A stop in a line that is too long to be read as JSON.  Within a text the quotation marks would be escaped."""
+_NAME_WORDS: Final = re.compile(rb'"who"\s*:\s*"((?:[^"\\]|\\.){1,100})')
+_OVERLAP: Final = 64
+"""Bytes of a piece of such a line that are searched again with the next one."""
 MAX_QUEUED_LINES: Final = 256
 """Lines that wait for a subscriber; older telemetry is dropped for newer."""
 MIN_VALUES_HZ: Final = 0.1
@@ -68,25 +85,58 @@ _EVENTS: Final = (Samples, DeviceState, LinkState, DeviceReport, Stopped, Latche
 @dataclass(frozen=True, slots=True)
 class ControlCommand:
     """A command of a client: `verb` of VERBS, `who` asked, and the `client` that gets the answer.  `rate` is that of
-    VALUES, in Hz; 0 ends them.
+    VALUES, in Hz; 0 ends them.  `user` is whose emergency stop it is; a release may be for `others`, or for all.
     """
 
     verb: str
     who: str
     client: _Client
     rate: float = 0.0
+    user: str = ""
+    others: tuple[str, ...] = ()
+    everyone: bool = False
+
+    @property
+    def release(self) -> Release:
+        """The message that the daemon would send for the same."""
+        return Release(self.who, self.user, self.others, self.everyone)
 
     def answer(self, state: Mapping[str, Any]) -> None:
         """Send the client the state after the command."""
         self.client.send_line({"ok": True, "do": self.verb, **state})
 
 
+class _LongLine:
+    """A line with more bytes than are kept; a stop is found in it also across its pieces."""
+
+    def __init__(self, beginning: bytes) -> None:
+        name = _NAME_WORDS.search(beginning)
+        self.name = _plain_name(name[1].decode("utf-8", "replace")) if name else NAMELESS
+        self.most = MAX_LONG_LINE_BYTES if beginning.lstrip().startswith(b"{") else MAX_LINE_BYTES
+        """Bytes from which on it is refused: what is no object of JSON contains no stop."""
+        self.found = False
+        self.size = 0
+        self._tail = b""
+
+    def search(self, piece: bytes) -> str:
+        """Return the verb of the stop that is complete with this piece, "" for none or for one that was found."""
+        self.size += len(piece)
+        text = self._tail + piece
+        self._tail = text[-_OVERLAP:]
+        found = None if self.found else _URGENT_WORDS.search(text)
+        self.found = self.found or found is not None
+        return found[1].decode() if found is not None else ""
+
+
 class _Client:
     """The connection of one client of the control socket."""
 
-    def __init__(self, connection: socket.socket) -> None:
+    def __init__(self, connection: socket.socket, user: int) -> None:
         connection.setblocking(False)
         self.socket = connection
+        self._own_user = local_user(user)
+        self._is_trusted = user in (0, os.getuid())
+        self._long: _LongLine | None = None
         self.subscribed = False
         self.traces = False
         self.values_rate = 0.0
@@ -117,15 +167,28 @@ class _Client:
             self.close()
             return []
         self._line += line
-        if len(self._line) > MAX_LINE_BYTES:
-            self._send_error(f"a line has {MAX_LINE_BYTES} bytes at most")
-            self.close()
-            return []
+        if self._long is not None or len(self._line) > MAX_LINE_BYTES:
+            return self._search_stop(line.endswith(b"\n"))
         if not line.endswith(b"\n"):
             return []
         whole, self._line = self._line, b""
         order = self._parse_command(whole) if whole.strip() else None
         return [] if order is None else [order]
+
+    def _search_stop(self, ends: bool) -> list[ControlCommand]:
+        """Return the stop in a line that has too many bytes: the robot must stand, whatever else the line says.
+
+        A long line without one ends the connection with an error; the rest of the line behind a stop is left out.
+        """
+        long = self._long = self._long or _LongLine(self._line)
+        verb = long.search(self._line)
+        self._line = b""
+        if ends:
+            self._long = None
+        if ends and not long.found or long.size > long.most:
+            self._send_error(f"a line has {MAX_LINE_BYTES} bytes at most")
+            self.close()
+        return [ControlCommand(verb, long.name, self, user=self._own_user)] if verb else []
 
     def _parse_command(self, line: bytes) -> ControlCommand | None:
         try:
@@ -144,14 +207,31 @@ class _Client:
                 return None
             # The robot must stand, whatever name the client gives itself.
             who = NAMELESS
-        who = " ".join(who.split())[:100]
-        # The name goes into logs, which are read in terminals, and into a file: no control characters, no surrogates.
-        who = "".join(each if each.isprintable() else "?" for each in who)
+        who = _plain_name(who)
+        if verb in _ESTOPS:
+            return self._parse_estop(verb, who, wanted)
         rate = wanted.get("hz", 0.0)
         if verb == VALUES and not (_is_number(rate) and (rate == 0 or MIN_VALUES_HZ <= rate <= MAX_VALUES_HZ)):
             self._send_error(f'"hz" must be 0 or from {MIN_VALUES_HZ:g} to {MAX_VALUES_HZ:g}')
             return None
         return ControlCommand(verb, who, self, rate if verb == VALUES else 0.0)
+
+    def _parse_estop(self, verb: str, who: str, wanted: Mapping[str, Any]) -> ControlCommand | None:
+        """An emergency stop, which is never refused, or a release."""
+        named = wanted.get("user")
+        user = _plain_name(named) if self._is_trusted and isinstance(named, str) and named.strip() else self._own_user
+        others, everyone = wanted.get("others", []), wanted.get("everyone", False)
+        if verb == ESTOP:
+            return ControlCommand(verb, who, self, user=user)
+        if not isinstance(everyone, bool) or not isinstance(others, list) or len(others) > MOST_OTHERS:
+            self._send_error(f'"others" must be a list of {MOST_OTHERS} names at most, "everyone" true or false')
+            return None
+        if (others or everyone) and not self._is_trusted:
+            why = "only root and the user of the daemon may release the emergency stops of others: use sudo"
+            self.send_line({"ok": False, "refused": True, "error": why})
+            return None
+        names = tuple(_plain_name(str(each)) for each in others)
+        return ControlCommand(verb, who, self, user=user, others=names, everyone=everyone)
 
     def _send_error(self, why: str) -> None:
         self.send_line({"ok": False, "error": why})
@@ -342,7 +422,8 @@ class ControlSocket:
         """Let a client in; most have their order with them.  The mode of a file guards the one, this the other."""
         try:
             connection, _ = listener.accept()
-            if listener is self._abstract and user_at(connection) not in (0, os.getuid()):
+            user = user_at(connection)
+            if listener is self._abstract and user not in (0, os.getuid()):
                 connection.close()
                 return []
         except OSError:
@@ -350,7 +431,7 @@ class ControlSocket:
         if len(self._clients) >= MAX_CLIENTS:
             # A new client may want to stop the robot; the oldest one has had time to do so.
             self._clients.pop(0).dismiss(f"{MAX_CLIENTS} clients at most: this one was the oldest")
-        client = _Client(connection)
+        client = _Client(connection, user)
         self._clients.append(client)
         return client.read_command()
 
@@ -366,6 +447,12 @@ def _listen_at_name(path: Path) -> socket.socket | None:
         listener.close()
         return None
     return listener
+
+
+def _plain_name(text: str) -> str:
+    """A name for logs, which are read in terminals, and for a file: no control characters, no surrogates."""
+    short = " ".join(text[: 4 * MAX_NAME_LENGTH].split())[:MAX_NAME_LENGTH]
+    return "".join(each if each.isprintable() else "?" for each in short)
 
 
 def _is_number(value: object) -> bool:

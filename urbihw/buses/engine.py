@@ -96,7 +96,9 @@ class Engine:
         self._requests: list[Request] = []
         self._ticker = Ticker(1 / begin.settings.rate, now)
         control = Path(begin.control) if begin.control else None
-        self._authority = MotionAuthority(begin.epoch, control.with_suffix(".estop") if control is not None else None)
+        self._authority = MotionAuthority(
+            begin.epoch, control.with_suffix(".estop") if control is not None else None, begin.holders
+        )
         self._gate = Gate(driver, self._authority)
         self._inventory = Inventory(begin.settings.expected)
         self._traffic = TrafficLog(url, self._clock)
@@ -112,8 +114,8 @@ class Engine:
         self._inbox = Inbox(mailbox, self._control, self._clock, self._state_fields)
         if begin.instead:
             self._reports.post([Stopped(begin.instead, begin.epoch)])
-        if self._authority.latched:
-            self._reports.post([Latched(self._authority.latched)])
+        if self._authority.holders:
+            self._reports.post([self._latched()])
         if self._authority.unreadable:
             self._reports.post([Refused("emergency stop", "latch", self._authority.unreadable)])
 
@@ -159,7 +161,7 @@ class Engine:
             self._end_slow_work()
         # The guard turns the loss of the link into news: the worker lives on, supervises, and opens the link again.
         self._link.guard(self._tick)
-        if self._authority.latched and now >= self._stop_again_at:
+        if self._authority.holders and now >= self._stop_again_at:
             self._stop_again_at = now + _STOP_AGAIN_PERIOD_S
             self._link.guard(self._driver.stop_again)
         # The tick has ended early if a stop came: it goes out before any request.
@@ -254,10 +256,10 @@ class Engine:
             if isinstance(message, Stop):
                 self._stop_robot(message.reason, message.epoch)
             elif isinstance(message, EmergencyStop):
-                self._emergency_stop(message.who)
+                self._emergency_stop(message.who, message.user)
             else:
                 if message.verb == ESTOP:
-                    self._emergency_stop(message.who)
+                    self._emergency_stop(message.who, message.user)
                 else:
                     self._stop_robot(f"stop asked by {message.who}")
                 message.answer(self._state_fields())
@@ -274,7 +276,7 @@ class Engine:
             case Stop():
                 self._stop_devices(message)
             case Release():
-                self._release(message.who)
+                self._release(message)
             case Limits():
                 self._execute_threshold_actions(self._gate.set_limits(message, now))
             case Writers():
@@ -335,29 +337,37 @@ class Engine:
             self._link.guard(lambda: self._driver.safe_stop(message.devices))
         self._reports.post([Stopped(message.reason, self._authority.epoch, message.devices)])
 
-    def _emergency_stop(self, who: str) -> None:
+    def _emergency_stop(self, who: str, user: str) -> None:
         self._stop_again_at = self._clock.now() + _STOP_AGAIN_PERIOD_S
-        self._authority.latch(who)
+        self._authority.latch(who, user)
         self._stop_robot(f"emergency stop by {who}")
         # A disk may be slow, or full: the robot does not wait for it.
-        problem = self._authority.keep_latch()
-        self._reports.post([Latched(self._authority.latched, who)])
+        self._keep_latches(who)
+
+    def _release(self, release: Release) -> bool:
+        """Release the latches that a user may release; return False if only others hold the robot."""
+        held = bool(self._authority.holders)
+        freed = self._authority.release(release.user, release.others, release.everyone)
+        if freed:
+            self._keep_latches(release.who, freed)
+        return bool(freed) or not held
+
+    def _keep_latches(self, who: str, freed: tuple[str, ...] = ()) -> None:
+        problem = self._authority.keep_latches()
+        self._reports.post([self._latched(who, freed)])
         if problem:
             self._reports.post([Refused("emergency stop", "latch", problem)])
 
-    def _release(self, who: str) -> None:
-        if self._authority.latched:
-            problem = self._authority.release()
-            self._reports.post([Latched("", who)])
-            if problem:
-                self._reports.post([Refused("emergency stop", "latch", problem)])
+    def _latched(self, who: str = "", freed: tuple[str, ...] = ()) -> Latched:
+        return Latched(self._authority.latched, who, tuple(self._authority.holders.items()), freed)
 
     def _execute_commands(self) -> None:
         """Execute the commands of the control socket other than stops."""
         while self._inbox.commands:
             command = self._inbox.commands.popleft()
+            done = True
             if command.verb == RELEASE:
-                self._release(command.who)
+                done = self._release(command.release)
             elif command.verb == SUBSCRIBE:
                 command.client.subscribed = True
             elif command.verb == TRACE:
@@ -365,6 +375,8 @@ class Engine:
             elif command.verb == VALUES:
                 command.client.send_values_at(command.rate, self._clock.now())
             told = self._state_fields()
+            if command.verb == RELEASE:
+                told["released"] = done
             if command.verb == TRACE:
                 told |= self._traffic.fields(self._link.port)
             if command.verb in (STATE, HEALTH):
@@ -378,6 +390,7 @@ class Engine:
         return {
             "epoch": self._authority.epoch,
             "estop": self._authority.latched,
+            "holders": [{"user": user, "who": who} for user, who in self._authority.holders.items()],
             "unkept": self._authority.unkept,
             "link": self._link.port is not None,
             "time": self._clock.now(),

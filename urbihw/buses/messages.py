@@ -87,16 +87,27 @@ class Stop:
 
 @dataclass(frozen=True, slots=True)
 class EmergencyStop:
-    """Stop the robot now, and refuse all motion until `Release`. `who` asked for it."""
+    """Stop the robot now, and refuse all motion until `Release`.
+
+    `who` asked for it, in words.  `user` is whose stop it is, whatever connection is used; with "" anybody may release
+    it.
+    """
 
     who: str
+    user: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class Release:
-    """End an emergency stop; this by itself moves nothing. `who` asked for it."""
+    """End the emergency stop of a `user`, and those of the users or names in `others`, or all of them (`everyone`).
+
+    The robot is free when no stop holds any more; this by itself moves nothing. `who` asked for it.
+    """
 
     who: str
+    user: str = ""
+    others: tuple[str, ...] = ()
+    everyone: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,6 +230,7 @@ class Begin:
         devices: the devices that the last worker found; they are searched first.
         watches: the watches from the first tick on.
         restarts: how many workers it has replaced.
+        holders: who held the robot by emergency stops when the last worker ended: users and names.
     """
 
     settings: Configure
@@ -228,6 +240,7 @@ class Begin:
     devices: tuple[Any, ...] = ()
     watches: tuple[Watch, ...] = ()
     restarts: int = 0
+    holders: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -376,10 +389,18 @@ class Stopped:
 
 @dataclass(frozen=True, slots=True)
 class Latched:
-    """An emergency stop holds from now on, and why; `reason` "": it was released, by `who`."""
+    """Who holds the robot by an emergency stop from now on, in words; `reason` "": the robot is free.
+
+    Attributes:
+        who: who asked for this stop or release.
+        holders: users and names of those who hold it.
+        freed: names of those whose stops `who` has released.
+    """
 
     reason: str
     who: str = ""
+    holders: tuple[tuple[str, str], ...] = ()
+    freed: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

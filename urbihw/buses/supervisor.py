@@ -33,7 +33,6 @@ from urbihw.buses.messages import (
     Latched,
     Limits,
     LinkState,
-    Release,
     Reply,
     Request,
     Stop,
@@ -70,7 +69,7 @@ class Supervisor:
         self._watches: dict[tuple[Any, str], float] = {}
         self._limits: Limits | None = None
         self._epoch = begin.epoch
-        self._latched = ""
+        self._holders: dict[str, str] = {}
         self._backlog: deque[ToWorker] = deque()
         self._link_up = False
         self._found = Found(())
@@ -152,9 +151,8 @@ class Supervisor:
             case Limits():
                 self._limits = message
             case EmergencyStop():
-                self._latched = message.who
-            case Release():
-                self._latched = ""
+                # Whether a release is granted, the worker tells.
+                self._holders[message.user] = message.who
             case Configure():
                 self._begin = replace(self._begin, settings=message)
             case Targets() | Stop():
@@ -176,7 +174,7 @@ class Supervisor:
             case Stopped():
                 self._epoch = max(self._epoch, message.epoch)
             case Latched():
-                self._latched = message.reason
+                self._holders = dict(message.holders)
             case WorkerState():
                 self._handle_worker_state(message)
                 return
@@ -245,7 +243,13 @@ class Supervisor:
             self._backlog.clear()
             self._epoch += 1
             self._begin = replace(self._begin, restarts=self._begin.restarts + 1)
-            begin = replace(self._begin, epoch=self._epoch, instead=reason, watches=self._all_watches())
+            begin = replace(
+                self._begin,
+                epoch=self._epoch,
+                instead=reason,
+                watches=self._all_watches(),
+                holders=tuple(self._holders.items()),
+            )
             self._worker = Worker.start(
                 self._url, post=self._handle_message, begin=begin, family=self._family, spare=self._take_spare()
             )
@@ -254,9 +258,6 @@ class Supervisor:
                 # A worker that has died already posts its own ``Ended``.
                 with contextlib.suppress(LinkGone):
                     self._worker.send(self._limits)
-            if self._latched:
-                with contextlib.suppress(LinkGone):
-                    self._worker.send(EmergencyStop(self._latched))
 
     def _all_watches(self) -> tuple[Watch, ...]:
         """Return the present watches in as few messages as possible."""

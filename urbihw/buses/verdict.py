@@ -90,7 +90,8 @@ def _robot(told: Mapping[str, Any]) -> Iterator[Reason]:
     if not told.get("link"):
         yield Reason(Level.BAD, "link", "", f"no link: {told.get('link_reason') or 'the robot was never there'}")
     if told.get("estop"):
-        yield Reason(Level.BAD, "estop", "", f"emergency stop by {told['estop']}; urbihw release ends it")
+        hint = "urbihw release ends it, with --all also if it is not yours"
+        yield Reason(Level.BAD, "estop", "", f"emergency stop by {told['estop']}; {hint}")
     dead_man = table_in(told, "dead_man")
     if dead_man.get("fired"):
         age = number_in(dead_man, "age")

@@ -13,6 +13,7 @@ import sys
 import time
 
 from urbihw.client.latch import write_latch
+from urbihw.control_address import local_user
 from urbihw.control_line import ANSWER_TIMEOUT_S, ControlLine, dial_control, question
 from urbihw.daemon.runtime import SERVICE_FOLDER, control_socket_names, service_socket_names
 from urbihw.exitcodes import EX_CONFIG, EX_UNAVAILABLE
@@ -26,10 +27,15 @@ if TYPE_CHECKING:
     Path = str | os.PathLike[str]
 
     class Wishes(Protocol):
-        """The options of all three commands: the socket of one robot, and who asks; None where not given."""
+        """The options of all three commands: the socket of one robot, and who asks; None where not given.
+
+        ``of`` and ``all``: whose emergency stops are released beside the own one.
+        """
 
         socket: Path | None
         who: str | None
+        of: Sequence[str]
+        all: bool
 
 
 OUTCOMES: Final = {"stop": "stopped", "estop": "emergency stop, held until: urbihw release", "release": "released"}
@@ -54,6 +60,8 @@ class Given:
 
     socket: Path | None = None
     who: str | None = None
+    of: Sequence[str] = ()
+    all: bool = False
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -62,6 +70,7 @@ def options(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("--socket", type=Path, metavar="PATH", help="control socket of the robot (default: all found)")
     parser.add_argument("--who", metavar="TEXT", help="name of the requester, for the log (default: user and terminal)")
+    parser.set_defaults(of=(), all=False)
 
 
 def run_at_once(words: Sequence[str]) -> int | None:
@@ -96,11 +105,13 @@ def run(verb: str, options: Wishes) -> int:
         if len(paths) > 1:
             names = ", ".join(f"--socket {path}" for path in paths)
             return complain(f"which robot may move again? Give one of: {names}", EX_CONFIG)
-    return report(verb, ask(paths, verb, options.who or requester_name(verb)))
+    who = options.who or requester_name(verb)
+    return report(verb, ask(paths, verb, who, options.of, options.all))
 
 
 def report(verb: str, answers: Sequence[Answer]) -> int:
     """Print one line for each robot; 0 if at least one robot has answered and all that could have obeyed."""
+    answers = [_still_held(answer) if verb == "release" else answer for answer in answers]
     for answer in answers:
         if not answer.problem:
             print(f"{answer.name}: {outcome(verb, answer.state)}")
@@ -111,6 +122,16 @@ def report(verb: str, answers: Sequence[Answer]) -> int:
     for answer in problems:
         complain(f"{answer.name}: {answer.problem}", EX_UNAVAILABLE)
     return 0 if answered and all(answer.gone for answer in problems) else EX_UNAVAILABLE
+
+
+def _still_held(answer: Answer) -> Answer:
+    """A release frees the robot only if no other emergency stop holds."""
+    holders = answer.state.get("estop")
+    if answer.problem or not holders:
+        return answer
+    own = "your emergency stop is released, but that" if answer.state.get("released") else "an emergency stop"
+    hint = "who has pressed it releases it, or: urbihw release --all"
+    return Answer(answer.name, answer.state, f"{own} of {holders} holds: {hint}")
 
 
 def outcome(verb: str, state: Mapping[str, Any]) -> str:
@@ -158,10 +179,21 @@ def requester_name(verb: str) -> str:
     return f"urbihw {verb}"
 
 
-def ask(paths: Sequence[Path], verb: str, who: str) -> list[Answer]:
+def own_user() -> str:
+    """Whose emergency stop it is that this process presses: of its user, also behind sudo."""
+    number = os.getuid()
+    before = os.environ.get("SUDO_UID", "")
+    return local_user(int(before) if number == 0 and before.isdecimal() else number)
+
+
+def ask(
+    paths: Sequence[Path], verb: str, who: str, others: Sequence[str] = (), everyone: bool = False
+) -> list[Answer]:
     """Send the command to all robots, then wait for the answers: a robot that hangs does not delay the others."""
     end = time.monotonic() + ANSWER_TIMEOUT_S
-    line = question(verb, who)
+    # The worker knows who connects, but not who has called sudo.
+    user = own_user()
+    line = question(verb, who, user if user != local_user(os.getuid()) else "", others, everyone)
     calls = [_Query(path, line) for path in paths]
     answers = [call.answer(end) for call in calls]
     if verb == "estop":
@@ -171,7 +203,7 @@ def ask(paths: Sequence[Path], verb: str, who: str) -> list[Answer]:
 
 def _latch_replacement(path: Path, answer: Answer, who: str) -> Answer:
     """Set the latch of an emergency stop in its file: the worker that replaces a hanging one reads it first."""
-    if not answer.problem or answer.gone or not write_latch(path, who):
+    if not answer.problem or answer.gone or not write_latch(path, who, own_user()):
         return answer
     hint = "whatever serves it next will hold it until: urbihw release"
     return Answer(answer.name, answer.state, f"{answer.problem}; {hint}")
@@ -205,6 +237,8 @@ class _Query:
                 self._line.close()
         if isinstance(state, dict) and state.get("ok"):
             return Answer(name, state)
+        if isinstance(state, dict) and state.get("refused") is True:
+            return Answer(name, {}, str(state.get("error")))
         return Answer(name, {}, f"it did not understand: {state}")
 
     def _failed(self, error: OSError | ValueError | RecursionError) -> Answer:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -32,18 +32,21 @@ class ControlledWorker:
     def __init__(self, path: Path | None) -> None:
         self.path = path
 
-    async def ask(self, verb: str, who: str = "") -> dict[str, Any]:
-        """The answer to a verb, by a connection of its own: nothing else delays it.  Raises NoWorker."""
+    async def ask(self, verb: str, who: str = "", others: Sequence[str] = ()) -> dict[str, Any]:
+        """The answer to a verb, by a connection of its own: nothing else delays it.  Raises NoWorker.
+
+        ``who`` is the user whose emergency stop it is; ``others`` are those whose stops are released, too.
+        """
         if self.path is None:
             raise NoWorker("the bus worker is on another machine: it is not reached from here")
-        line = question(verb, who)
+        line = question(verb, who, who, others)
         try:
             try:
                 told = await self._ask(line)
             except (ConnectionResetError, BrokenPipeError, json.JSONDecodeError):
                 # It ended with the question unanswered: the one that replaces it is asked, which reads the latch first.
                 if verb == "estop":
-                    write_latch(self.path, who)
+                    write_latch(self.path, who, who)
                 await asyncio.sleep(REPLACED_S)
                 told = await self._ask(line)
         except (TimeoutError, OSError, ValueError, RecursionError) as error:
@@ -82,7 +85,7 @@ class ControlledWorker:
         if not isinstance(error, TimeoutError):
             return "the bus worker ended before it answered; try again"
         text = f"the bus worker has not answered for {ANSWER_TIMEOUT_S:g} s; cut the power, or try again"
-        if verb == "estop" and self.path is not None and write_latch(self.path, who):
+        if verb == "estop" and self.path is not None and write_latch(self.path, who, who):
             text += "; whatever serves the robot next will hold it until the release"
         return text
 

@@ -227,9 +227,11 @@ class WiredRobot(GuardedRobot):
             self.answer_open(None)
 
     def show_problems(self) -> None:
-        """Show what differs from the expected devices, and which devices and parts cannot be used."""
+        """Show what differs from the expected devices, which devices and parts cannot be used, and which programs wait
+        for ``rearm``."""
         parts = [f"{name}: {reason}" for name, reason in self._lost_parts.items()]
-        self.problems.sense([*self._differences, *self.unusable_devices(), *parts])
+        waiting = [each for each in (self.motion.explain_unarmed(),) if each]
+        self.problems.sense([*waiting, *self._differences, *self.unusable_devices(), *parts])
 
     def show_part(self, name: str, reason: str) -> None:
         """Tell the health and ``problems`` that a part on a wire of its own is lost, a laser say; "" when it is not."""

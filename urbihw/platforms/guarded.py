@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import logging
 import math
+import os
 from collections.abc import Callable, Hashable
 from functools import partial
 from typing import Any, Final
 
 from urbihw.buses import messages as m
+from urbihw.control_address import local_user
 from urbihw.kernel.uobject import Motion, Origin, event, function, owned, reading
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.clipping import TargetLimits
@@ -38,6 +40,7 @@ class GuardedRobot(RobotHooks):
         """Called by ``new``."""
         self.log = DeviceLog(logging.getLogger(f"urbihw.{self.robot_name}"), self.host.now, self.call_later)
         self.motion = Motion(self.host, self.robot_name, self._stop_released)
+        self.motion.on_unarmed = self._tell_unarmed
         self.channel = DeviceChannel(self.send_message, self.motion)
         self.limits = LimitSettings({}, {})
         self._standstills = 0
@@ -46,6 +49,10 @@ class GuardedRobot(RobotHooks):
         self._unknown_limits: set[str] = set()
         self._has_sent_limits = False
         self.notify_change(self.estop, self._set_estop)
+
+    def show_problems(self) -> None:
+        """Show what keeps the robot from working as it should, in the slot ``problems``."""
+        raise NotImplementedError
 
     def send_message(self, message: m.ToWorker) -> None:
         """Send a message to the worker, if there is one."""
@@ -92,21 +99,57 @@ class GuardedRobot(RobotHooks):
         """The movement of a tag is over."""
         self.motion.end_movement(tag)
 
+    @function("estopHolders")
+    def estop_holders(self) -> list[str]:
+        """The names of those whose emergency stops hold the robot."""
+        return list(self.motion.holders.values())
+
+    @function("releaseOf")
+    def release_of(self, name: str) -> None:
+        """Release the emergency stop of somebody else, by the name that ``estopHolders`` tells."""
+        if name not in self.motion.holders.values():
+            held = ", ".join(self.motion.holders.values())
+            raise ValueError(f"{name} does not hold {self.robot_name}" + (f"; it is held by {held}" if held else ""))
+        self._release(lambda user, who: who == name, (name,))
+
     def _set_estop(self) -> None:
-        who = str(self.motion.origin())
         if not isinstance(self.estop.value, bool):
             raise ValueError("this slot takes true or false")
+        if not self.estop.value:
+            mine = self._holder()
+            self._release(lambda user, who: user in ("", mine))
+            return
+        who = str(self.motion.origin())
+        self._end_motion(f"emergency stop by {who}")
+        self.motion.renew()
         # Messages to the worker keep their order, so the latch takes effect here at once.
-        if self.estop.value:
-            self._end_motion(f"emergency stop by {who}")
-            self.motion.renew()
-            self.motion.latched = who
-            self.send_message(m.EmergencyStop(who))
+        self.motion.hold(self.motion.holders | {self._holder(): who})
+        self.send_message(m.EmergencyStop(who, self._holder()))
+        self.estop.sense(True)
+
+    def _holder(self) -> str:
+        """Whose emergency stop the running statement presses or releases."""
+        return self.motion.person() or local_user(os.getuid())
+
+    def _release(self, freed: Callable[[str, str], bool], others: tuple[str, ...] = ()) -> None:
+        """Release the emergency stops for which ``freed(user, name)`` is true; the robot is free if none is left.
+
+        Raises ValueError if there is none of them, and others hold the robot.
+        """
+        origin, holders = self.motion.origin(), self.motion.holders
+        left = {user: who for user, who in holders.items() if not freed(user, who)}
+        names = " and ".join(left.values())
+        hint = f'who has pressed it releases it, or say {self.robot_name}.releaseOf("NAME")'
+        if left and len(left) == len(holders):
+            raise ValueError(f"an emergency stop of {names} holds: {hint}")
+        self.send_message(m.Release(str(origin), self._holder(), others))
+        if left:
+            self.motion.hold(left)
+            origin.warn(f"an emergency stop of {names} still holds: {hint}")
         else:
             self.motion.release()
             self.motion.order_anew()
-            self.send_message(m.Release(who))
-        self.estop.sense(self.estop.value)
+        self.estop.sense(bool(left))
 
     # ---------------------------------------------------------------- what a subclass calls
 
@@ -121,6 +164,12 @@ class GuardedRobot(RobotHooks):
         self._end_motion(reason)
         self.motion.renew()
         self.send_message(m.Stop(self.motion.epoch, reason))
+
+    def _tell_unarmed(self) -> None:
+        self.show_problems()
+        waiting = self.motion.explain_unarmed()
+        if waiting:
+            self.log.warning("%s", waiting)
 
     def _end_motion(self, reason: str, epoch: int | None = None) -> None:
         """The robot is stopped: end all motion of the earlier epochs."""
@@ -227,15 +276,18 @@ class GuardedRobot(RobotHooks):
 
     def _handle_latched(self, message: m.Latched) -> None:
         if message.reason:
-            self.motion.latched = message.reason
+            self.motion.hold(dict(message.holders))
         else:
             self.motion.release()
         self.estop.sense(bool(message.reason))
-        if message.reason:
-            text = "emergency stop by %s: nothing moves until it is released"
-            self.log.warning(text, message.reason, event="estop")
+        if message.freed:
+            stops = " and ".join(message.freed)
+            left = f"; that of {message.reason} holds" if message.reason else ""
+            self.log.warning("emergency stop of %s released by %s%s", stops, message.who, left, event="released")
         else:
-            self.log.warning("emergency stop released by %s", message.who, event="released")
+            text = "emergency stop by %s: nothing moves until it is released"
+            self.log.warning(text, message.who or message.reason, event="estop")
+        if not message.reason:
             self.released.emit(message.who)
 
 

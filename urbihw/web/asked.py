@@ -60,6 +60,14 @@ def paths_of(request: Mapping[str, Any], name: str, most: int) -> list[str]:
     return [path_of({name: each}, name) for each in value]
 
 
+def names_of(request: Mapping[str, Any], name: str, most: int) -> list[str]:
+    """Names of persons, at least one.  Raises WebRefusal."""
+    value = request.get(name)
+    if not isinstance(value, list) or not 0 < len(value) <= most:
+        raise WebRefusal(f"{name} wants a list of 1 to {most} names")
+    return [text_of({name: each}, name) for each in value]
+
+
 def truth_of(request: Mapping[str, Any], name: str) -> bool:
     """True or false.  Raises WebRefusal."""
     value = request.get(name)

@@ -162,7 +162,10 @@ class Gateway:
     def state(self, session: WebSession) -> dict[str, Any]:
         """The event ``state``, as a browser gets it: two of its pages have the same name, and one of them drives."""
         driver = self.driver.name if self.driver is not None else ""
-        return {"event": "state", **self.robot.state(), "driver": driver, "drives": self.driver is session}
+        told = self.robot.state()
+        told |= {"driver": driver, "drives": self.driver is session, "holds": session.is_among(told["holders"])}
+        told["holders"] = [each["who"] for each in told["holders"]]
+        return {"event": "state", **told}
 
     def _devices(self) -> dict[str, Any]:
         return {"event": "devices", "devices": self.robot.devices}

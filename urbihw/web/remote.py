@@ -6,6 +6,7 @@ is reported as not confirmed.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Final
 
 from urbihw.client.literals import string_literal
@@ -14,25 +15,38 @@ from urbihw.web.lobby import LobbyError, LobbyLink
 TIMEOUT_S: Final = 1.0
 """Seconds within which the daemon must answer."""
 _ORDERS: Final = {"stop": "{}.stop", "estop": "{}.estop = true", "release": "{}.estop = false"}
-_STATE: Final = "robot.link, robot.estop"
+_HOLDERS: Final = 'if ({0}.estop) {0}.estopHolders.join(" and ") else ""'
+"""Who holds the robot, in words."""
 
 
-async def obey(link: LobbyLink, verb: str, platform: str) -> dict[str, Any]:
-    """Have the daemon carry out a verb; ``estop`` and ``link`` as they are then.  Raises LobbyError.
+async def obey(link: LobbyLink, verb: str, platform: str, others: Sequence[str] = ()) -> dict[str, Any]:
+    """Have the daemon carry out a verb, and release the stops of ``others``; ``estop`` and ``link`` as they are then.
 
-    ``platform`` is the path of the robot's own object, such as ``bioloid``.
+    ``platform`` is the path of the robot's own object, such as ``bioloid``.  Raises LobbyError.
     """
     if not platform:
         raise LobbyError("the daemon has not told yet which robot it has", "gone")
-    told = await link.value(f"{_ORDERS[verb].format(platform)} | [{_STATE}]", TIMEOUT_S)
-    return {"link": told[0] is True, "estop": told[1] is True}
+    orders = [f"{platform}.releaseOf({string_literal(each)})" for each in others]
+    if not orders:
+        orders = [_ORDERS[verb].format(platform)]
+    told = await link.value(f"{' | '.join(orders)} | [robot.link, {{ {_HOLDERS.format(platform)} }}]", TIMEOUT_S)
+    return {"link": told[0] is True, "estop": str(told[1])}
 
 
-async def look(link: LobbyLink) -> dict[str, Any]:
-    """``link``, ``estop``, ``problems`` in words, and ``key``, which changes with the tree.  Raises LobbyError."""
-    body = f"[{_STATE}, robot.problems.map(function (each) {{ each.asString }}), System.treeKey(robot)]"
+async def look(link: LobbyLink, platform: str) -> dict[str, Any]:
+    """``link``, ``estop`` (who holds the robot), ``holders``, ``problems`` in words, and ``key``, which changes with
+    the tree.  Raises LobbyError."""
+    held = f"if (robot.estop) {platform}.estopHolders else []" if platform else "[]"
+    problems = "robot.problems.map(function (each) { each.asString })"
+    body = f"[robot.link, robot.estop, {{ {held} }}, {problems}, System.treeKey(robot)]"
     there = f'if (Global.hasLocalSlot({string_literal("robot")})) {body} else nil'
     told = await link.value(f"{{ {there} }}", TIMEOUT_S)
-    if not isinstance(told, list) or len(told) != 4 or not isinstance(told[2], list):
-        return {"link": False, "estop": False, "problems": ["the daemon has no robot yet"], "key": ""}
-    return {"link": told[0] is True, "estop": told[1] is True, "problems": list(map(str, told[2])), "key": told[3]}
+    if not isinstance(told, list) or len(told) != 5 or not isinstance(told[2], list) or not isinstance(told[3], list):
+        problem = "the daemon has no robot yet"
+        return {"link": False, "estop": "", "holders": [], "problems": [problem], "key": ""}
+    holders = list(map(str, told[2]))
+    holder = (" and ".join(holders) or "another user") if told[1] is True else ""
+    return {
+        "link": told[0] is True, "estop": holder, "holders": holders, "problems": list(map(str, told[3])),
+        "key": told[4],
+    }  # fmt: skip

@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Final
 
@@ -19,6 +19,7 @@ from urbihw.buses.verdict import judge, level_of
 from urbihw.client.lines import Line
 from urbihw.daemon.control_client import ControlledWorker, NoWorker
 from urbihw.web import remote
+from urbihw.web.asked import WebRefusal
 from urbihw.web.lobby import LobbyError, LobbyLink
 from urbihw.web.settings import WebSettings
 from urbihw.web.tree import EMPTY, Tree
@@ -35,8 +36,8 @@ FIRST_PAUSE_S: Final = 0.25
 MAX_PAUSE_S: Final = 2.0
 TREE_TIMEOUT_S: Final = 10.0
 _NO_WORKER: Final = {
-    "worker": False, "link": False, "rate": 0, "late": 0, "load": 0, "estop": "", "battery": None,
-    "charge": None, "stopped": None,
+    "worker": False, "link": False, "rate": 0, "late": 0, "load": 0, "estop": "", "holders": [],
+    "battery": None, "charge": None, "stopped": None,
 }  # fmt: skip
 _PROGRAM: Final = '{ if (Global.hasLocalSlot("robot")) %s else "null" }'
 
@@ -67,7 +68,6 @@ class WatchedRobot:
         self._state: dict[str, Any] = {**_NO_WORKER, "health": _bad("the bus worker has not answered yet")}
         self._known_devices: object = None
         self._tree_wanted = asyncio.Event()
-        self._held_by = ""
         self._server_ahead = -math.inf
 
     # ---------------------------------------------------------------- what is known
@@ -96,31 +96,29 @@ class WatchedRobot:
         return self._link
 
     def state(self) -> dict[str, Any]:
-        """The fields of the event ``state``, but for ``driver``."""
+        """The fields of the event ``state`` that are the same for all browsers."""
         silent = self.silent
         daemon = self._link is not None and silent < SILENT_S
         return {"daemon": daemon, "silent": silent, "remote": self.is_remote, **self._state}
 
     # ---------------------------------------------------------------- stopping
 
-    async def obey(self, verb: str, who: str, link: LobbyLink | None) -> dict[str, Any]:
+    async def obey(self, verb: str, who: str, link: LobbyLink | None, others: Sequence[str] = ()) -> dict[str, Any]:
         """Carry out stop, estop or release; who holds it then, and whether there is a link.
 
-        The worker does it, which does not need the interpreter; for a robot of another machine the daemon does it, by
-        ``link``.  Raises NoWorker or LobbyError when it is not confirmed.
+        A release is that of the stop of ``who``, and of the stops of ``others`` by their names.  The worker does it,
+        which does not need the interpreter; for a robot of another machine the daemon does it, by ``link``.  Raises
+        NoWorker or LobbyError when it is not confirmed, WebRefusal for a release while others hold the robot.
         """
         if not self.is_remote:
-            told = await self.worker.ask(verb, who)
-            return {"estop": told.get("estop") or "", "link": told.get("link") is True}
+            told = await self.worker.ask(verb, who, others)
+            holder = str(told.get("estop") or "")
+            if told.get("released") is False:
+                raise WebRefusal(f"an emergency stop of {holder} holds: it is not yours", "held")
+            return {"estop": holder, "link": told.get("link") is True, "unkept": str(told.get("unkept") or "")}
         if link is None:
             raise LobbyError("the daemon is not connected", "gone")
-        told = await remote.obey(link, verb, self.tree.platform_path)
-        self._held_by = who if verb == "estop" else self._held_by
-        return {"estop": self._holder(told), "link": told["link"]}
-
-    def _holder(self, told: dict[str, Any]) -> str:
-        """Who holds a robot of another machine, as far as it is known here."""
-        return (self._held_by or "another user") if told["estop"] else ""
+        return await remote.obey(link, verb, self.tree.platform_path, others)
 
     # ---------------------------------------------------------------- watching
 
@@ -151,12 +149,13 @@ class WatchedRobot:
     async def _look_remote(self) -> None:
         reasons = []
         try:
-            told = await remote.look(self.link)
+            told = await remote.look(self.link, self.tree.platform_path)
         except LobbyError as error:
             self._state, reasons = {**_NO_WORKER}, [str(error)]
         else:
-            self._held_by = self._held_by if told["estop"] else ""
-            self._state, reasons = {**_NO_WORKER, "link": told["link"], "estop": self._holder(told)}, told["problems"]
+            holders = [{"user": each, "who": each} for each in told["holders"]]
+            self._state = {**_NO_WORKER, "link": told["link"], "estop": told["estop"], "holders": holders}
+            reasons = told["problems"]
             if told["key"] != self._known_devices:
                 self._known_devices = told["key"]
                 self._tree_wanted.set()

@@ -134,6 +134,11 @@ class WebSession:
         """Its name for the robot: in ``why``, in the list of jobs, and for who has stopped it."""
         return self.name + PANEL
 
+    def is_among(self, holders: Sequence[Mapping[str, str]]) -> bool:
+        """Whether this browser holds the robot by an emergency stop, or by one that anybody may release."""
+        # Behind its name stands the place in the program, where the daemon of another machine tells it.
+        return any(each["user"] == "" or each["user"].startswith(self.title) for each in holders)
+
     # ---------------------------------------------------------------- life
 
     async def run(self) -> None:

@@ -8,13 +8,15 @@ from typing import Any, Final, NamedTuple
 
 from urbihw.daemon.control_client import NoWorker
 from urbihw.web import language, moving, streams
-from urbihw.web.asked import WebRefusal
+from urbihw.web.asked import WebRefusal, names_of
 from urbihw.web.lobby import LobbyError
 from urbihw.web.session import WebSession
 
 _ALL: Final = ("view", "drive", "full")
 _DRIVING: Final = ("drive", "full")
 _FULL: Final = ("full",)
+MAX_OTHERS: Final = 64
+"""Emergency stops of others that may be released at a time."""
 Request = Mapping[str, Any]
 
 
@@ -34,12 +36,17 @@ async def tree(session: WebSession, request: Request) -> dict[str, Any]:
 
 async def obey(session: WebSession, request: Request) -> dict[str, Any]:
     """Stop, emergency stop and release: by the worker, which does not need the interpreter; for a robot of another
-    machine by the daemon."""
+    machine by the daemon.  ``of``: the names of others whose emergency stops are released, too."""
     robot, verb = session.gateway.robot, str(request["do"])
+    others = names_of(request, "of", MAX_OTHERS) if "of" in request and verb == "release" else []
+    if others and session.role not in _FULL:
+        raise WebRefusal("the role full releases the emergency stops of others", "role")
     began = time.monotonic()
     try:
-        told = await robot.obey(verb, session.title, session.daemon)
+        told = await robot.obey(verb, session.title, session.daemon, others)
     except (NoWorker, LobbyError) as error:
+        if verb == "release" and isinstance(error, LobbyError) and error.code == "language":
+            raise WebRefusal(str(error), "held") from error
         raise WebRefusal(f"NOT CONFIRMED: {error}", "gone") from error
     milliseconds = round(1000 * (time.monotonic() - began), 1)
     looking = session.tasks.get("look")

@@ -17,10 +17,21 @@ def worker_state(told: Mapping[str, Any]) -> dict[str, Any]:
         "late": bus.get("late") or 0,
         "load": bus.get("load") or 0,
         "estop": str(told.get("estop") or ""),
+        "holders": holders_of(told),
         "battery": battery_of(told.get("devices"), "voltage"),
         "charge": battery_of(told.get("devices"), "charge"),
         "stopped": told.get("last_stop"),
     }
+
+
+def holders_of(told: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Those who hold the robot by an emergency stop: ``user`` and ``who``, the name."""
+    rows = told.get("holders")
+    return [
+        {"user": str(row.get("user") or ""), "who": str(row.get("who") or "")}
+        for row in (rows if isinstance(rows, list) else ())
+        if isinstance(row, dict)
+    ]
 
 
 def battery_of(devices: Any, quantity: str) -> float | None:

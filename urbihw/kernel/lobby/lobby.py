@@ -6,6 +6,8 @@ the jobs, the ``at``s and the detached jobs.
 
 from __future__ import annotations
 
+import contextlib
+import ipaddress
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
     from urbihw.kernel.sched.tag import Tag
 
 
+BROWSER: Final = " (panel)"
+"""The end of the names that a gateway (``urbihw.web``) gives the connections of its browsers."""
 FINALLY_TIMEOUT_S: Final = 1.0
 """Seconds after which waiting ``finally`` clauses of a closed connection are ended."""
 
@@ -36,7 +40,7 @@ class Lobby(Obj):
     is_per_connection = True
     __slots__ = (
         "answering", "connected", "holdings", "in_command", "input_handler", "label", "lease", "maker", "on_quit",
-        "output", "peer", "programs", "received", "released_at", "shell", "silence", "tag", "user",
+        "ordered", "output", "peer", "programs", "received", "released_at", "shell", "silence", "tag", "user",
     )  # fmt: skip
 
     def __init__(
@@ -62,6 +66,9 @@ class Lobby(Obj):
         """The lowest epoch of a statement that may move devices: ``release_devices`` sets it."""
         self.silence = ""
         """What the client has done, in words, while it may not move devices because its ``lease`` is over; else ""."""
+        self.ordered: int | None = None
+        """The ``Job.ordered`` of every statement, if a device in another process sends them: that is one program.  None
+        for a client, whose statements are orders themselves."""
         self.lease = ClientLease(self)
         self.on_quit: Callable[[], None] = lambda: None
         self.peer = remote
@@ -97,6 +104,14 @@ class Lobby(Obj):
         """The name of the connection for ``why``, the log and the list of jobs, with its user and its address."""
         who = ", ".join(text for text in (self.user, self.peer) if text)
         return (self.label or str(self.tag.tag.name)) + (f" ({who})" if who else "")
+
+    @property
+    def person(self) -> str:
+        """Who the client is, whatever connection it uses: the browser of a gateway, the user of its token, or the
+        address of another machine; "" for a client of this machine."""
+        if self.label.endswith(BROWSER):
+            return self.label
+        return self.user or ("" if self.peer is None or _is_loopback(self.peer) else self.peer)
 
     def set_maker(self, maker: Lobby) -> None:
         """Make this lobby belong to another one, whose program opened it: it ends with that lobby and shares the limits
@@ -237,3 +252,10 @@ class Lobby(Obj):
 def lobby_of(job: Any) -> Lobby | None:
     """The lobby of a job, None if it has none."""
     return job.context if isinstance(job.context, Lobby) else None
+
+
+def _is_loopback(address: str) -> bool:
+    """Whether a numeric address is this machine."""
+    with contextlib.suppress(ValueError):
+        return ipaddress.ip_address(address.partition("%")[0]).is_loopback
+    return False

@@ -316,7 +316,7 @@ class Shell:
     def _foreground(self, statement: Statement) -> None:
         lobby = self._lobby
         self._job.name = self.next_name()
-        self._job.begin_statement()
+        self._job.begin_statement(lobby.ordered)
         scope = lobby.tag.open()
         try:
             scope.enter()
@@ -357,7 +357,7 @@ class Shell:
                 scope.exit()
 
         job = self._scheduler.spawn(run, self.next_name(), context=lobby)
-        job.begin_statement()
+        job.begin_statement(lobby.ordered)
         self._scheduler.start_now(job)
 
 

@@ -224,9 +224,7 @@ class Handlers:
                 raise
             self.fail(error)
         else:
-            # What a client triggers is ordered by both; what a device triggers, only by the client that set it up.
-            trigger = scheduler.current
-            made.ordered = max(self._ordered, 0 if trigger is None else trigger.ordered)
+            made.ordered = max(self._ordered, _order_of(scheduler.current))
             if jobs is not None:
                 jobs.append(made)
 
@@ -255,6 +253,14 @@ class Handlers:
 
     def close(self) -> None:
         """End the ``at`` or the like."""
+
+
+def _order_of(trigger: Job | None) -> int:
+    """The ``Job.ordered`` that a job passes on to the handlers that it triggers: what a client triggers is ordered by
+    it; what a device triggers, in this process or another one, only by the client that set the handler up."""
+    if trigger is None or getattr(trigger.context, "ordered", None) is not None:
+        return 0
+    return trigger.ordered
 
 
 class Subscription(Handlers):

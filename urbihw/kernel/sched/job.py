@@ -33,6 +33,7 @@ class Job:
 
     ``ordered`` is the value of ``Scheduler.epoch`` when somebody ordered this: the statement of a client, with all that
     it has set up, also handlers that run later; 0 where no client is behind it.  It stays when ``epoch`` is renewed.
+    Statements of a program that began earlier, such as a device in another process, are not ordered one by one.
     """
 
     __slots__ = (
@@ -178,10 +179,10 @@ class Job:
         else:
             self.on_end.append(action)
 
-    def begin_statement(self) -> None:
-        """A new statement of a client begins in this job."""
+    def begin_statement(self, ordered: int | None = None) -> None:
+        """A new statement of a client begins in this job; ``ordered`` is when it was ordered, None for now."""
         self.renew()
-        self.ordered = self.scheduler.epoch
+        self.ordered = self.scheduler.epoch if ordered is None else ordered
 
     def descend(self, maker: Job) -> None:
         """This job belongs to the statement of another one, though it does not have its tags."""

@@ -251,12 +251,18 @@ class Host:
 
     # ---------------------------------------------------------------- running
 
-    def run(self, text: str, file: str, done: Callable[[str], None] = lambda problem: None) -> None:
+    def run(
+        self,
+        text: str,
+        file: str,
+        done: Callable[[str], None] = lambda problem: None,
+        ordered: int | None = None,
+    ) -> None:
         """Run urbiscript of the platform in Global, in a job of its own, as if it was loaded from ``file``.
 
         Its changes to the library become part of the library's protected state (``record.adopt``).  ``done(problem)``
         is called at the end, with "" or with one line that states the error and its place (``file:line.column:
-        message``).
+        message``).  ``ordered``: ``Job.ordered``, None for now.
         """
 
         def body() -> None:
@@ -267,7 +273,12 @@ class Host:
             else:
                 done("")
 
-        self.world.scheduler.spawn(body, file).begin_statement()
+        self.world.scheduler.spawn(body, file).begin_statement(ordered)
+
+    def _ordered(self) -> int:
+        """The ``Job.ordered`` of what a device does: that of the running job, 0 outside of jobs, as in a timer."""
+        job = self.world.scheduler.current
+        return 0 if job is None else job.ordered
 
     def send(self, text: str, source: str) -> None:
         """Run urbiscript at the server, from any thread; ``source`` names the device in the log if the code fails."""
@@ -278,13 +289,19 @@ class Host:
 
         def run() -> None:
             if not self.observer.send(text):
-                self.run(text, source, report)
+                self.run(text, source, report, self._ordered())
 
         self.registry.call(run)
 
     def call(self, target: str, function: str, *args: Any) -> None:
         """Call ``target.function(args)`` at the server, in a job of its own, from any thread."""
+        self._call(target, function, args, self._ordered)
 
+    def order(self, target: str, function: str, *args: Any) -> None:
+        """The same for an order of somebody else, such as a program on the robot that calls a module of ours."""
+        self._call(target, function, args, lambda: None)
+
+    def _call(self, target: str, function: str, args: tuple[Any, ...], ordered: Callable[[], int | None]) -> None:
         def body() -> None:
             self.world.send(self.registry.object(target), function, *(to_urbi(self.world, value) for value in args))
 
@@ -292,7 +309,7 @@ class Host:
             if not self.observer.send(self._call_text(target, function, args)):
                 what = f"call of {target}.{function}"
                 job = self.world.scheduler.spawn(lambda: self.registry.guarded(body, what), function)
-                job.begin_statement()
+                job.begin_statement(ordered())
 
         self.registry.call(run)
 

@@ -20,7 +20,7 @@ They are also stopped when the client closes its sending side, because it then c
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
@@ -105,12 +105,14 @@ class Motion:
         stops: number of stops of any kind, including stops of parts of the robot.
         reason: reason of the last stop.
         latched: reason of the active emergency stop, "" if there is none; ``release`` ends it.
+        holders: user -> name, of those whose emergency stops hold, as far as they are known.
         keep: whether a movement continues when its client has disconnected.
         held: device -> reason why it may not move at present.
         absent: device, None for all -> why writes to it do not act at present, and the lowest ``Job.epoch`` of a
             statement that began after the loss (``set_absent``).
         absences: how often ``absent`` has changed.
         at_rest: whether no write was accepted since the last stop.
+        on_unarmed: called when ``explain_unarmed`` changes.
     """
 
     def __init__(self, host: Host, name: str, release: Callable[[tuple[Hashable, ...], str], None]) -> None:
@@ -122,13 +124,16 @@ class Motion:
         self.stops = 0
         self.reason = ""
         self.latched = ""
+        self.holders: dict[str, str] = {}
         self.keep = False
         self.held: dict[Hashable, str] = {}
         self.absent: dict[Hashable, tuple[str, int]] = {}
         self.absences = 0
         self.at_rest = False
         self._mark = 0
+        self.on_unarmed: Callable[[], None] = lambda: None
         self._armed_since = 0
+        self._unarmed: dict[Any, str] = {}
         self._ended: dict[Hashable, tuple[int, str]] = {}
         self._moved_by: dict[Hashable, Origin] = {}
         self._movements: list[GuardedMovement] = []
@@ -145,6 +150,17 @@ class Motion:
             self._world.devices_released.remove(self._client_lets_go)
 
     # ---------------------------------------------------------------- stopping
+
+    def person(self) -> str:
+        """Who runs the present statement, whatever connection is used: ``Lobby.person``, or ``ROBOT``."""
+        job = self._world.scheduler.current
+        lease = None if job is None else job.context
+        return str(getattr(lease, "person", ROBOT))
+
+    def hold(self, holders: Mapping[str, str]) -> None:
+        """An emergency stop holds: nothing moves until ``release``."""
+        self.holders = dict(holders)
+        self.latched = " and ".join(self.holders.values())
 
     def asked(self) -> str:
         """The requester of the present stop, in words."""
@@ -170,14 +186,40 @@ class Motion:
         """The emergency stop is over.  What was ordered until now may not move the robot any more, even if it catches
         errors or is an ``at`` that waits: a motion without an order is not expected.
         """
+        self.holders = {}
         if self.latched:
             self.latched = ""
             self._world.scheduler.epoch += 1
-            self._armed_since = self._world.scheduler.epoch
+            self._set_armed(self._world.scheduler.epoch)
 
     def rearm(self) -> None:
         """Let move again what was ordered before the release of an emergency stop and has not ended."""
-        self._armed_since = 0
+        self._set_armed(0)
+
+    def _set_armed(self, since: int) -> None:
+        self._armed_since = since
+        self._unarmed.clear()
+        self.on_unarmed()
+
+    def _refuse_unarmed(self, lease: Any) -> None:
+        """Raise the error for what was ordered before the release; its client is warned, even if it catches the error."""
+        why = "an emergency stop was released after this program had begun: begin it again, or call rearm"
+        if lease not in self._unarmed:
+            self._unarmed[lease] = _client(lease)
+            output = getattr(lease, "output", None)
+            if output is not None:
+                output.line(f"!!! warning: {self._name}: {why}", "warning")
+            self.on_unarmed()
+        raise errors.MovementRefused(f"{self._name}: {why}")
+
+    def explain_unarmed(self) -> str:
+        """Whose programs want to move though they were begun before the release, and what to do; "" for none."""
+        names = [*self._unarmed.values()]
+        if not names:
+            return ""
+        shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+        return f"programs of {shown}, begun before the emergency stop, want to move: " \
+            f"begin them again, or say {self._name}.rearm"
 
     def end(self, device: Hashable, reason: str) -> None:
         """End the movements of one device: statements that began before may not move it any more."""
@@ -203,8 +245,7 @@ class Motion:
         if job is None:
             return
         if job.ordered < self._armed_since:
-            why = "an emergency stop was released after this program had begun: begin it again"
-            raise errors.MovementRefused(f"{self._name}: {why}, or call rearm")
+            self._refuse_unarmed(job.context)
         if job.epoch < self._mark:
             raise errors.MovementStopped(f"{self._name} was stopped after this statement had begun: {self.reason}")
         silence = getattr(job.context, "silence", "")
@@ -382,6 +423,8 @@ class Motion:
     # ---------------------------------------------------------------- leases
 
     def _client_gone(self, lease: Any) -> None:
+        if self._unarmed.pop(lease, ""):
+            self.on_unarmed()
         if not self.keep:
             self._end_of_lease(lease, f"the connection of {_client(lease)} is closed, which moved it")
 

@@ -98,7 +98,7 @@ def binary_mode(world: World, connection: RemoteConnection, on: bool, tag: str) 
     while True:
         try:
             frame = input_handler.get()
-            scheduler.running().begin_statement()
+            scheduler.running().begin_statement(lobby.ordered)
             _handle(world, connection, frame)
         except Exception as error:
             lobby.report(error)

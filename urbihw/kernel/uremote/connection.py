@@ -79,6 +79,8 @@ class RemoteConnection:
             raise errors.primitive(f"this connection has {MAX_DECLARED} objects already")
         self.objects[name] = face
         self.registry.owners[face] = self
+        if self.lobby.ordered is None:
+            self.lobby.ordered = self.world.scheduler.epoch
         self._ended.pop(name, None)
 
     def claim(self, target: Obj, name: str) -> None:
@@ -103,6 +105,12 @@ class RemoteConnection:
         """Send a value on a channel, in the remotes' format."""
         self.lobby.output.write(message(self.world, self.world.scheduler.now, channel, self.exact, value))
 
+    def _take_order(self) -> None:
+        """The running job wants something of a device of the remote: that is an order, if the job was ordered."""
+        job = self.world.scheduler.current
+        if job is not None and job.context is not self.lobby:
+            self.lobby.ordered = max(self.lobby.ordered or 0, job.ordered)
+
     # ---------------------------------------------------------------- calls
 
     def call(self, path: str, args: tuple[Any, ...]) -> Any:
@@ -111,6 +119,7 @@ class RemoteConnection:
             raise errors.primitive(DISCONNECTED)
         if len(self._pending) >= MAX_CALLS:
             raise errors.primitive(f"{MAX_CALLS} calls wait for an answer of {self.name} already")
+        self._take_order()
         world = self.world
         ticket = f"_{next(self._tickets)}"
         answer: Completion[Any] = Completion(world.scheduler)
@@ -235,6 +244,8 @@ class RemoteConnection:
         watch = self._watches.get(var)
         if watch is None:
             return
+        if self.registry.owners.get(var.holder) is self:
+            self._take_order()
         if self._rtp is None or not self._by_rtp(watch.name, var, value):
             self.send(MessageCode.CHANGED, self.world.string(watch.name), value, var.stamp)
 

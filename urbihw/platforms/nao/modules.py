@@ -108,7 +108,7 @@ class NaoModules(UObject):
             self.answer(number, False, [f"there is no module {name}"])
             return
         self._running.add(number)
-        self.host.call(SLOT, "run", float(number), module, method, arguments)
+        self.host.order(SLOT, "run", float(number), module, method, arguments)
 
     def cancel_all(self) -> None:
         """The link is lost: no answer is awaited."""

@@ -2,7 +2,7 @@
 
 import { html, useEffect, useState } from "../vendor/htm-preact.js";
 import { connection } from "../js/connection.js";
-import { ask, mayDrive, notify, store, useTopics } from "../js/store.js";
+import { ask, isFull, mayDrive, notify, store, useTopics } from "../js/store.js";
 
 const CONFIRM_MS = 500;
 const HOLD_MS = 1000;
@@ -46,6 +46,7 @@ export async function stopRobot(verb) {
     if (mine !== turn) return;
     const by = answer.by === "daemon" ? ", by the server" : "";
     if (answer.link === false) tellStop("bad", `${word} NOT CONFIRMED: ${NO_LINK}, which may still be moving. It stops when the link is back`);
+    else if (answer.unkept) tellStop("bad", `Held, but ${answer.unkept}`);
     else tellStop("ok", `${verb === "estop" ? "Held" : "Stopped"} after ${Math.round(answer.ms)} ms${by}`);
   } catch (error) {
     if (mine === turn) tellStop("bad", `${word} NOT CONFIRMED: ${error.message.replace(/^NOT CONFIRMED: /, "")}`);
@@ -106,10 +107,23 @@ function Driver({ state }) {
     ${button}</span>`;
 }
 
+/** The button that releases the own stop, or, after a question, those of others, whose names were shown. */
+function Release({ state }) {
+  const [shown, setShown] = useState(null);
+  const names = state.holders.join(" and ");
+  useEffect(() => setShown(null), [names]);
+  if (!mayDrive()) return null;
+  if (state.holds) return html`<${HoldButton} act=${() => ask("release")}>Hold for 1 s to release<//>`;
+  if (!isFull()) return html`<span id="not-yours">Who has pressed it releases it, or a browser of role full.</span>`;
+  if (shown === null) return html`<button class="small" id="override" onClick=${() => setShown(state.holders)}>Release it for ${names}</button>`;
+  return html`<span>It is not yours: ask ${names}.</span>
+    <${HoldButton} act=${() => ask("release", { of: shown })}>Hold for 1 s to release it for ${names}<//>`;
+}
+
 function Held({ state }) {
   if (!state.estop) return null;
   return html`<div class="held-line" id="held" role="alert"><span>Held by an emergency stop of ${state.estop}. ${state.link ? "Nothing moves." : "Nothing new moves, but there is no link to the robot: it may not have stopped."}</span>
-    ${mayDrive() ? html`<${HoldButton} act=${() => ask("release")}>Hold for 1 s to release<//>` : null}</div>`;
+    <${Release} state=${state} /></div>`;
 }
 
 /** What is known of the battery; "" for nothing. */
