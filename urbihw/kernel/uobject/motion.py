@@ -189,7 +189,7 @@ class Motion:
         self.on_unarmed()
 
     def _refuse_unarmed(self, lease: Any) -> None:
-        """Raise the error for what was ordered before the release, and warn its client, even if it catches the error."""
+        """Raise the error for what was ordered before the release, and warn its client, which may catch the error."""
         why = "an emergency stop was released after this program had begun: begin it again, or call rearm"
         if lease not in self._unarmed:
             self._unarmed[lease] = _client(lease)
