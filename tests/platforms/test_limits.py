@@ -141,7 +141,8 @@ def reload(lab: Bioloid | Drives, limits: dict[str, Any]) -> None:
 def test_a_temperature_limit_that_is_corrected_frees_the_motor_at_once(limits: dict[str, Any]) -> None:
     lab = Bioloid.ready(limits={"temperature": [20, 25, 30]})
     lab.run(1.5)
-    assert "is held by limits.temperature (release)" in lab.say("motor6.load = 1|;", 0.3)
+    held = "6 is held by limits.temperature (release): let it cool below 25 degrees, then load = 1"
+    assert held in lab.say("motor6.load = 1|;", 0.3)
     assert lab.register(6, "torque_limit") == 511
     reload(lab, limits)
     assert lab.register(6, "torque_limit") == 1023

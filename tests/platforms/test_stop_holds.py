@@ -153,7 +153,7 @@ def test_what_a_hot_motor_was_refused_is_not_done_later() -> None:
     lab.say("motor6.val = 0 sin:1s ampli:20deg,", 1.0)
     lab.kit.servo(6).heat(80)
     lab.run(2.0)
-    assert "is held by limits.motor6.temperature (release)" in lab.heard()
+    assert "is held by limits.motor6.temperature (release): let it cool below " in lab.heard()
     assert "is held by" in lab.say("motor6.load = 1;", 0.2)
     lab.kit.servo(6).heat(50)
     lab.run(2.0)

@@ -127,7 +127,10 @@ class Gate:
     def check_samples(self, samples: Samples) -> ThresholdActions | None:
         """Compare measured values with the thresholds; None if none was crossed."""
         targets, news = self._guards.check_samples(samples)
-        return self._threshold_actions(targets, [*news]) if news else None
+        if not news:
+            return None
+        held = [Held(self._guards.held)] if any(one.holds for one in news) else []
+        return self._threshold_actions(targets, [*held, *news])
 
     def _threshold_actions(self, targets: Mapping[Key, Any], news: list[FromWorker]) -> ThresholdActions:
         crossed = (one.device for one in news if isinstance(one, ThresholdCrossed))

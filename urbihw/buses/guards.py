@@ -99,7 +99,11 @@ class ThresholdMonitor:
         news.append(ThresholdCrossed(device, name, item, value, not passed, threshold.holds))
 
     def _update_held(self) -> None:
-        self.held = {threshold.device: threshold.name for threshold in self._passed if threshold.holds}
+        self.held = {
+            each.device: f"{each.name}: {each.advice}" if each.advice else each.name
+            for each in self._passed
+            if each.holds
+        }
 
 
 def _identity_of(threshold: Threshold) -> tuple[Any, str, str, bool]:

@@ -135,6 +135,7 @@ class Threshold:
         targets, restored: (item, value) to set when it is passed, and when it is left.
         holds: while it is passed, the device must not move.
         name: the setting that it comes from, for messages.
+        advice: what lets a held device move again, in words.
     """
 
     device: Any
@@ -146,6 +147,7 @@ class Threshold:
     targets: tuple[tuple[str, Any], ...] = ()
     restored: tuple[tuple[str, Any], ...] = ()
     holds: bool = False
+    advice: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -370,7 +372,10 @@ class ThresholdCrossed:
 
 @dataclass(frozen=True, slots=True)
 class Held:
-    """All devices that thresholds forbid to move, with the names of these; posted when `Limits` have been taken."""
+    """All devices that thresholds forbid to move, with the names of these and what helps.
+
+    It is posted when `Limits` have been taken, and when a threshold that holds was passed or left.
+    """
 
     devices: Mapping[Any, str]
 

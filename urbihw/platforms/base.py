@@ -320,7 +320,7 @@ class WiredRobot(GuardedRobot):
             case m.ThresholdCrossed():
                 self.on_threshold_crossed(message)
             case m.Held():
-                # A worker that was replaced knows nothing of what its predecessor held.
+                # All of them: a worker that was replaced knows nothing of what its predecessor held.
                 self.motion.held = dict(message.devices)
             case m.WorkerState():
                 self._handle_worker_state(message)

@@ -242,10 +242,6 @@ class GuardedRobot(RobotHooks):
 
     def on_threshold_crossed(self, message: m.ThresholdCrossed) -> None:
         """A measured value passed a threshold, or left it."""
-        if message.holds and message.passed:
-            self.motion.held[message.device] = message.name
-        elif message.holds:
-            self.motion.held.pop(message.device, None)
         what = "passed" if message.passed else "is back from"
         self.log.warning("%s: %s %s %s", message.device, message.item, what, message.name, event="limit")
         self.guarded.emit(str(message.device), message.name, message.passed)

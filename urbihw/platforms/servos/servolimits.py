@@ -68,7 +68,10 @@ class ServoLimits:
         rows = [
             m.Threshold(self.number, hot, warn, f"{name} (warn)", hysteresis=TEMPERATURE_HYSTERESIS),
             m.Threshold(self.number, hot, reduce, f"{name} (reduce)", True, TEMPERATURE_HYSTERESIS, half, full),
-            m.Threshold(self.number, hot, release, f"{name} (release)", True, TEMPERATURE_HYSTERESIS, off, holds=True),
+            m.Threshold(
+                self.number, hot, release, f"{name} (release)", True, TEMPERATURE_HYSTERESIS, off, holds=True,
+                advice=f"let it cool below {release - TEMPERATURE_HYSTERESIS:g} degrees, then load = 1",
+            ),
             m.Threshold(self.number, volts, low * _TENTHS, voltage, above=False, hysteresis=VOLTAGE_HYSTERESIS),
             m.Threshold(self.number, volts, high * _TENTHS, voltage, hysteresis=VOLTAGE_HYSTERESIS),
         ]
