@@ -296,9 +296,12 @@ class SetPoints:
         for key in self._converter.joints() if still else (*self._limited, *self._paced):
             pace = 0.0 if still else self._pace(key, self._courses.get(key, _NO_COURSE))
             goal = None if key in self._under_way or pace == math.inf else self._converter.standing_goal(*key)
-            home, given = self._led.pop(key, (math.nan, math.nan))
-            if goal is None or math.isnan(goal):
+            if goal is None:
+                self._led.pop(key, None)
                 continue
+            if math.isnan(goal):
+                continue
+            home, given = self._led.pop(key, (math.nan, math.nan))
             bounds = self._converter.reach(*key, pace, now)
             if math.isnan(given) or self._converter.raw_of(*key, given) != goal:
                 given = goal

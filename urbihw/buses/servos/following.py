@@ -116,7 +116,7 @@ class ServoFollower:
         self.speed = 0.0
         self.carried = 0.0
         self.disturbed_since: float | None = None
-        self._stands = False
+        self._stands = self._slack = False
         self._pace = self._lead = float("inf")
         self._prop: _Prop | None = None
         self._base: tuple[float, float] | None = None
@@ -143,7 +143,8 @@ class ServoFollower:
         if at - self._led_at > STALE_S:
             # Its goal is not bound to it: the servo itself decides how fast it goes, so the error tells nothing.
             self._pace = self._lead = math.inf
-            self._prop = self.disturbed_since = None
+            self._prop = None
+            self._take_up()
         if goal is None or self._lead == math.inf:
             return
         error = min(max(goal - place, -self._full), self._full)
@@ -157,10 +158,15 @@ class ServoFollower:
         if self.carried * self.speed > 0 and self._is_too_fast():
             # What it carried has let go.
             self.carried = min(max(pull, min(self.carried, 0.0)), max(self.carried, 0.0))
-        elif (error - self.carried) * self.speed > 0:
-            carried = self.carried + (pull - self.carried) * min(1.0, elapsed / LEARN_S)
-            self.carried = min(max(carried, -self._full), self._full)
-            self.disturbed_since = None
+        elif self.speed:
+            drives = (error - self.carried) * self.speed > 0
+            more = pull - self.carried
+            # It may be a hand that pulls more, against the drive.
+            if drives or more * self.carried < 0:
+                carried = self.carried + more * min(1.0, elapsed / LEARN_S)
+                self.carried = min(max(carried, -self._full), self._full)
+            if drives:
+                self._take_up()
         elif self._stands and error >= 0:
             self.carried = min(max(self.carried, 0.0), error)
         elif self._stands:
@@ -172,27 +178,32 @@ class ServoFollower:
     def _look_for_pull(self, goal: float, place: float, error: float, pull: float) -> None:
         """Tell a weight that is new from a hand, when the shaft gives way by more than its lead."""
         unknown = pull - self.carried
-        if abs(unknown) <= MARGIN * self._lead + MOVED or (unknown * self.speed > 0 and self._is_too_fast()):
+        if abs(unknown) <= self._lead or (unknown * self.speed > 0 and self._is_too_fast()):
             self._prop = None
             if abs(unknown) <= self._lead / 2:
-                self.disturbed_since = None
-        elif unknown * self.speed > 0:
+                self._take_up()
             return
-        elif abs(error) > max(HOLDS * self._full, abs(self.carried) + MARGIN * self._lead):
-            self._give_slack()
-        elif self._prop is not None:
-            if self._prop.test(place, self._read_at, self._pause, HOLDS * self._full / TEST_S):
-                self.carried, self._prop, self.disturbed_since = self._prop.weight, None, None
-            elif self._prop.side * (self._prop.goal - place - self.carried) <= self._lead:
-                self._give_slack()
-        elif self.disturbed_since is None:
+        if unknown * self.speed > 0:
+            return
+        if self.disturbed_since is None and abs(unknown) > MARGIN * self._lead + MOVED:
             self.disturbed_since = self._read_at
+        if abs(error) > max(HOLDS * self._full, abs(self.carried) + MARGIN * self._lead):
+            self._prop, self._slack = None, True
+        elif self._prop is not None:
+            self._test_prop(self._prop, place)
+        elif not self._slack:
             self._prop = _Prop(goal, math.copysign(1.0, unknown), place, self._read_at)
 
-    def _give_slack(self) -> None:
-        self._prop = None
-        if self.disturbed_since is None:
-            self.disturbed_since = self._read_at
+    def _test_prop(self, prop: _Prop, place: float) -> None:
+        if prop.test(place, self._read_at, self._pause, HOLDS * self._full / TEST_S):
+            self.carried, self._prop = prop.weight, None
+            self._take_up()
+        elif prop.side * (prop.goal - place - self.carried) <= self._lead:
+            self._prop, self._slack = None, self.disturbed_since is not None
+
+    def _take_up(self) -> None:
+        """Nothing unknown pulls any more."""
+        self._slack, self.disturbed_since = False, None
 
     def is_blocked(self, place: float, goal: float) -> bool:
         """Return whether the shaft stands although its goal is away by more than it carries."""
@@ -202,7 +213,8 @@ class ServoFollower:
 
     def rest(self, place: float) -> float:
         """Return the goal with which a shaft at `place` stays there: one that gives way keeps the goal that it has."""
-        return place + self.carried if self._prop is None else self._prop.goal
+        gives_way = self._prop is not None and self.disturbed_since is not None
+        return self._prop.goal if self._prop is not None and gives_way else place + self.carried
 
     def reach(self, place: float, age: float, pace: float, push: float = BREAKAWAY) -> tuple[float, float]:
         """Return the lowest and the highest goal for a shaft that was at `place` some seconds ago.
