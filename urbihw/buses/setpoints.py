@@ -291,7 +291,7 @@ class SetPoints:
 
         A joint that is let go is led back at its pace, or stays where it is while an emergency stop holds (``still``).
         """
-        passed, self._led_at = min(max(0.0, now - self._led_at), LONGEST_STEP_S), now
+        passed, self._led_at = min(max(0.0, now - self._led_at), SLOWEST_TICK_S), now
         news: dict[Key, Any] = {}
         for key in self._converter.joints() if still else (*self._limited, *self._paced):
             pace = 0.0 if still else self._pace(key, self._courses.get(key, _NO_COURSE))

@@ -81,6 +81,16 @@ class _Prop:
         self._begun: float | None = None
         self.weight = 0.0
 
+    @property
+    def is_tested(self) -> bool:
+        """Whether the goal is being lowered."""
+        return self._begun is not None
+
+    @property
+    def lowered(self) -> float:
+        """The counts by which the goal was lowered."""
+        return 0.0 if self._begun is None else abs(self._begun - self.goal)
+
     def test(self, place: float, at: float, pause: float, rate: float) -> bool:
         """Go on with the test, a reading later; return True when it has proved a weight. `rate`: counts per second."""
         gave = self.side * (self._place - place)
@@ -90,7 +100,7 @@ class _Prop:
             elif at - self._since >= SETTLED_S:
                 self._begun, self._place, self.weight = self.goal, place, self.goal - place
             return False
-        if gave >= max(PROOF, FOLLOWED * abs(self._begun - self.goal)):
+        if gave >= max(PROOF, FOLLOWED * self.lowered):
             return True
         self.goal -= self.side * rate * min(pause, LONGEST_TEST_S)
         return False
@@ -178,13 +188,17 @@ class ServoFollower:
     def _look_for_pull(self, goal: float, place: float, error: float, pull: float) -> None:
         """Tell a weight that is new from a hand, when the shaft gives way by more than its lead."""
         unknown = pull - self.carried
-        if abs(unknown) <= self._lead or (unknown * self.speed > 0 and self._is_too_fast()):
+        let_go = unknown * self.speed > 0 and self._is_too_fast()
+        if self._prop is not None and self._prop.is_tested and not let_go:
+            self._test_prop(self._prop, place)
+        elif abs(unknown) <= self._lead or let_go:
             self._prop = None
             if abs(unknown) <= self._lead / 2:
                 self._take_up()
-            return
-        if unknown * self.speed > 0:
-            return
+        elif unknown * self.speed <= 0:
+            self._give_way(goal, place, error, unknown)
+
+    def _give_way(self, goal: float, place: float, error: float, unknown: float) -> None:
         if self.disturbed_since is None and abs(unknown) > MARGIN * self._lead + MOVED:
             self.disturbed_since = self._read_at
         if abs(error) > max(HOLDS * self._full, abs(self.carried) + MARGIN * self._lead):
@@ -198,8 +212,10 @@ class ServoFollower:
         if prop.test(place, self._read_at, self._pause, HOLDS * self._full / TEST_S):
             self.carried, self._prop = prop.weight, None
             self._take_up()
-        elif prop.side * (prop.goal - place - self.carried) <= self._lead:
-            self._prop, self._slack = None, self.disturbed_since is not None
+            return
+        ahead = prop.side * (prop.goal - place - self.carried)
+        if ahead <= 0 or (ahead <= self._lead and prop.lowered >= PROOF / FOLLOWED):
+            self._prop, self._slack = None, True
 
     def _take_up(self) -> None:
         """Nothing unknown pulls any more."""
@@ -232,4 +248,7 @@ class ServoFollower:
         low, high = middle - lead, middle + lead
         if self._prop is None:
             return low, high
-        return min(low, self._prop.goal), max(high, self._prop.goal)
+        goal = self._prop.goal
+        if self._prop.is_tested:
+            return (min(low, goal), goal) if self._prop.side > 0 else (goal, max(high, goal))
+        return min(low, goal), max(high, goal)
