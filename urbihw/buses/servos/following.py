@@ -46,6 +46,8 @@ TEST_S: Final = 0.2
 """Seconds in which the goal of a test goes the way of HOLDS."""
 LONGEST_TEST_S: Final = 0.025
 """Longest step of a test in s, however rare the readings are."""
+ANSWER_S: Final = 0.12
+"""Seconds after the last step of a test in which a weight lowers the shaft."""
 PROOF: Final = 3
 """Counts by which a weight lowers a shaft at least when its goal is lowered."""
 FOLLOWED: Final = 0.3
@@ -74,6 +76,7 @@ class _Prop:
     """
 
     __slots__ = ("_begun", "_place", "_since", "goal", "side", "weight")
+    # `_since`: of the last reading with which it gave way further, in a test: of the last step.
 
     def __init__(self, goal: float, side: float, place: float, at: float) -> None:
         self.goal, self.side = goal, side
@@ -86,24 +89,27 @@ class _Prop:
         """Whether the goal is being lowered."""
         return self._begun is not None
 
-    @property
-    def lowered(self) -> float:
-        """The counts by which the goal was lowered."""
-        return 0.0 if self._begun is None else abs(self._begun - self.goal)
+    def test(self, place: float, at: float, step: float, rest: float, lead: float) -> str:
+        """Go on with the test, a reading later; return "weight" or "hand" when it has told, "" before that.
 
-    def test(self, place: float, at: float, pause: float, rate: float) -> bool:
-        """Go on with the test, a reading later; return True when it has proved a weight. `rate`: counts per second."""
+        `step` is how far the goal may be lowered now, `rest` the goal without that pull, `lead` that of the shaft.
+        """
         gave = self.side * (self._place - place)
         if self._begun is None:
             if gave >= MOVED:
                 self._place, self._since = place, at
             elif at - self._since >= SETTLED_S:
                 self._begun, self._place, self.weight = self.goal, place, self.goal - place
-            return False
-        if gave >= max(PROOF, FOLLOWED * self.lowered):
-            return True
-        self.goal -= self.side * rate * min(pause, LONGEST_TEST_S)
-        return False
+            return ""
+        lowered = abs(self._begun - self.goal)
+        if gave >= max(PROOF, FOLLOWED * lowered):
+            return "weight"
+        ahead = self.side * (self.goal - rest)
+        if ahead <= 0 or (ahead <= lead and lowered >= PROOF / FOLLOWED):
+            return "hand" if at - self._since >= ANSWER_S else ""
+        self.goal -= self.side * step
+        self._since = at
+        return ""
 
 
 class ServoFollower:
@@ -194,7 +200,7 @@ class ServoFollower:
         elif abs(unknown) <= self._lead or let_go:
             self._prop = None
             if abs(unknown) <= self._lead / 2:
-                self._take_up()
+                self.disturbed_since = None
         elif unknown * self.speed <= 0:
             self._give_way(goal, place, error, unknown)
 
@@ -205,27 +211,30 @@ class ServoFollower:
             self._prop, self._slack = None, True
         elif self._prop is not None:
             self._test_prop(self._prop, place)
-        elif not self._slack:
+        elif not self._slack and unknown * self.speed < 0:
             self._prop = _Prop(goal, math.copysign(1.0, unknown), place, self._read_at)
 
     def _test_prop(self, prop: _Prop, place: float) -> None:
-        if prop.test(place, self._read_at, self._pause, HOLDS * self._full / TEST_S):
-            self.carried, self._prop = prop.weight, None
+        step = HOLDS * self._full / TEST_S * min(self._pause, LONGEST_TEST_S)
+        told = prop.test(place, self._read_at, step, place + self.carried, self._lead)
+        if told:
+            self._prop = None
+        if told == "weight":
+            self.carried = prop.weight
             self._take_up()
-            return
-        ahead = prop.side * (prop.goal - place - self.carried)
-        if ahead <= 0 or (ahead <= self._lead and prop.lowered >= PROOF / FOLLOWED):
-            self._prop, self._slack = None, True
+        elif told == "hand":
+            self._slack = True
 
     def _take_up(self) -> None:
-        """Nothing unknown pulls any more."""
+        """Nothing unknown pulls any more: what pulls next may be a weight."""
         self._slack, self.disturbed_since = False, None
 
     def is_blocked(self, place: float, goal: float) -> bool:
         """Return whether the shaft stands although its goal is away by more than it carries."""
         away = abs(goal - place - self.carried)
         least = min(self._lead, SHARE * self._full) if self._lead < math.inf else HOLDS * self._full
-        return self._stands and away >= max(0.9 * least, MOVED)
+        is_tested = self._prop is not None and self._prop.is_tested
+        return self._stands and (is_tested or away >= max(0.9 * least, MOVED))
 
     def rest(self, place: float) -> float:
         """Return the goal with which a shaft at `place` stays there: one that gives way keeps the goal that it has."""
