@@ -130,7 +130,7 @@ def test_a_socket_whose_file_was_deleted_still_stops_the_robot_and_makes_its_fil
     bench.path.unlink()
     caller = bench.call(abstract_address(bench.path))
     caller.say("estop")
-    bench.run(0.03)
+    bench.run(0.1)
     assert bench.register(GOAL) == pytest.approx(bench.register("present_position"), abs=3)
     bench.run(LOOK_PERIOD_S)
     assert bench.order("state")[0]["estop"] == "a test"
@@ -164,6 +164,7 @@ def test_the_robot_stands_before_the_latch_is_written(bench: ControlBench, monke
     monkeypatch.setattr(authority, "_write_latches", write)
     bench.move(900)
     answer, _ = bench.order("estop")
+    bench.run(0.1)
     assert seen == [pytest.approx(bench.register("present_position"), abs=3)]
     assert answer["ok"] and answer["unkept"] == "no inode is left"
 

@@ -23,6 +23,7 @@ class Rig:
         self.points = SetPoints(self)
         self.now = 100.0
         self.leash = math.inf
+        self.goal: float | None = None
 
     def pose(self, device: Any, item: str) -> float | None:
         return self.places.get((device, item))
@@ -30,6 +31,12 @@ class Rig:
     def reach(self, device: Any, item: str, pace: float, now: float) -> tuple[float, float] | None:
         """With a leash, the goal is so far ahead of the place at most."""
         return None if self.leash == math.inf else (self.places[KEY] - self.leash, self.places[KEY] + self.leash)
+
+    def joints(self) -> list[Key]:
+        return [KEY]
+
+    def standing_goal(self, device: Any, item: str) -> float | None:
+        return self.goal if (device, item) == KEY else None
 
     def signed(self, device: Any, item: str, raw: Any) -> float:
         """A wheel keeps its sign in bit 10, as that of an AX does; a place is what it is."""

@@ -179,6 +179,24 @@ class Driver:
         """
         return None
 
+    def joints(self) -> Iterable[tuple[Any, str]]:
+        """Return (device, item) of the goals that a device keeps by a force that does not know of any speed.
+
+        When it was forced away and is let go, it comes back as fast as it can, unless its goal was led there.
+        """
+        return ()
+
+    def lead(self, goals: Mapping[tuple[Any, str], Any]) -> None:
+        """Set goals of `joints` that go along with what was forced away, or lead it back: no motion that was asked for.
+
+        Raises LinkGone.
+        """
+
+    def standing_goal(self, device: Any, item: str) -> float | None:
+        """Return the goal by which one of the `joints` stands, nan while it is unknown; None for what is limp, or no
+        joint."""
+        return None
+
     def signed(self, device: Any, item: str, raw: Any) -> float:
         """Return a raw target as a signed number, for comparison with limits; `raw_of` is the inverse.
 

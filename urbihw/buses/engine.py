@@ -186,6 +186,9 @@ class Engine:
         if given:
             self._health.record_applied(given)
             self._reports.post(self._driver.targets(Targets(given)))
+        led = self._gate.set_points.led_goals(now, still=bool(self._authority.latched))
+        if led:
+            self._driver.lead(led)
         news = self._driver.tick(now, self._reports.post_held, self._is_tick_urgent)
         self._reports.hold(news)
         for message in news:

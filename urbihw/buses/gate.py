@@ -83,6 +83,7 @@ class Gate:
             else:
                 if self._driver.regains_force(*key, value):
                     self.set_points.drop_courses((key[0],))
+                self._guards.note_written(*key, value)
                 passed[key] = value
         given = self.set_points.accept_targets(passed, now, message.time, message.resumed, message.rates)
         return given, news + [*self.set_points.pop_limited()]
@@ -111,9 +112,12 @@ class Gate:
             if asked is not None:
                 return None, [*self.set_points.pop_limited(), Reply(message.reply_id, True, asked)]
             message = replace(message, value=clamp(message.device, message.item, message.value))
+            self._guards.note_written(message.device, message.item, message.value)
         elif message.verb == "write_all":
             steps = tuple((item, clamp(message.device, item, value)) for item, value in message.value)
             message = replace(message, value=steps)
+            for item, value in steps:
+                self._guards.note_written(message.device, item, value)
         return message, [*self.set_points.pop_limited()]
 
     def explain_unheld(self, request: Request) -> str:

@@ -1,6 +1,8 @@
 """Supervision of measured values (temperature, voltage).  No I/O: samples in, targets and messages out.
 
-A threshold is passed when the value is beyond its level, and left when the value is back by the hysteresis.
+A threshold is passed when the value is beyond its level, and left when the value is back by the hysteresis. What it
+reduces meanwhile gets the value that it had before, and not more than that: a program may have set a torque limit to 0.
+What was lower already, or has been changed since, stays as it is.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ class ThresholdMonitor:
         self._thresholds: dict[Any, list[Threshold]] = {}
         self._passed: set[Threshold] = set()
         self._values: dict[Any, dict[str, Any]] = {}
+        self._before: dict[tuple[Threshold, str], Any] = {}
 
     def set_thresholds(
         self, thresholds: tuple[Threshold, ...]
@@ -38,17 +41,20 @@ class ThresholdMonitor:
         for threshold in thresholds:
             self._thresholds.setdefault(threshold.device, []).append(threshold)
         self._passed = {now[each] for each in before if each in now}
+        self._before = {
+            (now.get(_identity_of(last), last), item): raw for (last, item), raw in self._before.items()
+        }
         targets: dict[tuple[Any, str], Any] = {}
         news: list[ThresholdCrossed] = []
         for identity, last in before.items():
             present = now.get(identity)
             if present is None:
                 value = self._values[last.device][last.item]
-                targets.update({(last.device, item): raw for item, raw in last.restored})
+                targets.update(self._give_back(last))
                 news.append(ThresholdCrossed(last.device, last.name, last.item, value, False, last.holds))
             elif present.targets != last.targets:
                 # Its device has changed its mode.
-                targets.update({(last.device, item): raw for item, raw in present.targets})
+                targets.update(self._take_away(present))
         self._check_values(self._values, targets, news)
         self._update_held()
         return targets, news
@@ -88,15 +94,47 @@ class ThresholdMonitor:
         passed = threshold in self._passed
         if not passed and beyond >= 0:
             self._passed.add(threshold)
-            wanted = threshold.targets
+            targets.update(self._take_away(threshold))
         elif passed and beyond < -threshold.hysteresis:
             self._passed.discard(threshold)
-            wanted = threshold.restored
+            targets.update(self._give_back(threshold))
         else:
             return
-        targets.update({(threshold.device, item): raw for item, raw in wanted})
         device, name, item = threshold.device, threshold.name, threshold.item
         news.append(ThresholdCrossed(device, name, item, value, not passed, threshold.holds))
+
+    def note_written(self, device: Any, item: str, raw: Any) -> None:
+        """Take a value that a program writes; readings may be a second old."""
+        if device in self._thresholds:
+            self._values.setdefault(device, {})[item] = raw
+
+    def _take_away(self, threshold: Threshold) -> dict[tuple[Any, str], Any]:
+        """Return the targets of a threshold that was passed; what is lower already stays."""
+        targets: dict[tuple[Any, str], Any] = {}
+        full = dict(threshold.restored)
+        values = self._values.setdefault(threshold.device, {})
+        for item, raw in threshold.targets:
+            if item in full:
+                before = values.get(item, full[item])
+                if before <= raw:
+                    continue
+                self._before[threshold, item] = min(before, full[item])
+            targets[threshold.device, item] = values[item] = raw
+        return targets
+
+    def _give_back(self, threshold: Threshold) -> dict[tuple[Any, str], Any]:
+        """Return the targets of a threshold that was left: what it took away, where nobody has changed that since."""
+        targets: dict[tuple[Any, str], Any] = {}
+        taken = dict(threshold.targets)
+        values = self._values[threshold.device]
+        for item, raw in threshold.restored:
+            if item not in taken:
+                targets[threshold.device, item] = raw
+            elif (threshold, item) in self._before:
+                before = self._before.pop((threshold, item))
+                if values[item] == taken[item]:
+                    targets[threshold.device, item] = values[item] = before
+        return targets
 
     def _update_held(self) -> None:
         self.held = {

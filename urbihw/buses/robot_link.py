@@ -9,7 +9,7 @@ from typing import Final
 from urbihw import buses
 from urbihw.backoff import BackOff
 from urbihw.buses.driver import Driver
-from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
+from urbihw.buses.errors import BadUrl, BusError, Unavailable
 from urbihw.buses.link import Context, Port, split_parameters
 from urbihw.buses.messages import FromWorker, LinkState
 from urbihw.buses.reports import Reports
@@ -54,11 +54,7 @@ class RobotLink:
         self.port = port
         self._reports.publish_traffic(port)
         messages: list[FromWorker] = []
-        try:
-            if not self.guard(lambda: messages.extend(self._driver.attach(port))):
-                return None
-        except (BadUrl, Unavailable) as error:
-            self._close(str(error))
+        if not self.guard(lambda: messages.extend(self._driver.attach(port))):
             return None
         port.before_wait = self._reports.post_heartbeat_before_wait
         self._back_off.reset()
@@ -66,10 +62,14 @@ class RobotLink:
         return messages
 
     def guard(self, work: Callable[[], None]) -> bool:
-        """Call `work`, which uses the link; close the link and return False when it raises LinkGone."""
+        """Call `work`, which uses the link; close the link and return False when it raises a BusError.
+
+        A driver lets only LinkGone out. Any other failure may have left its work half done, so the link is opened
+        anew, which stops what moves; the worker goes on.
+        """
         try:
             work()
-        except LinkGone as error:
+        except BusError as error:
             self._close(str(error))
             return False
         return True

@@ -7,7 +7,8 @@ that position is unknown nothing is written: the target waits, and its newest va
 
 The set point of a position is bound to the body, too: while a speed is to be kept, by a limit or by the movement that
 asks, it is never further ahead of the measured position than the device needs to follow at that speed
-(``TargetConverter.reach``).  A joint that is blocked is waited for, so it does not leap when it is free again.
+(``TargetConverter.reach``).  A joint that is blocked is waited for, so it does not leap when it is free again.  The
+same holds for a joint that stands: if it is forced away, its goal goes with it, and is led back when it is let go.
 
     asked    .-'-.     .-'-.        the requested course of the movement
     given    .-'--------'/..-'-.    constant while the device is lost, then led to the course at the course's own speed
@@ -16,7 +17,7 @@ asks, it is never further ahead of the measured position than the device needs t
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, Final, Protocol
 
 from urbihw.buses.driver import ImpliedTarget
@@ -84,6 +85,18 @@ class _Course:
         return max(self._fastest, self._before)
 
 
+_NO_COURSE: Final = _Course()
+
+
+def _step(given: float, asked: float, far: float, bounds: tuple[float, float] | None) -> float:
+    """Return the next target on the way to the one that is asked for, within bounds; nan while these are unknown."""
+    way = asked - given
+    step = asked if abs(way) <= far else given + math.copysign(far, way)
+    if bounds is None:
+        return step
+    return math.nan if math.isnan(bounds[0]) else min(max(step, bounds[0]), bounds[1])
+
+
 class TargetConverter(Protocol):
     """The part of a driver that set points use: positions, and conversion of targets."""
 
@@ -97,6 +110,14 @@ class TargetConverter(Protocol):
     def reach(self, device: Any, item: str, pace: float, now: float) -> tuple[float, float] | None:
         """Return the lowest and the highest target for a speed, None if the device needs no such bounds; nan while its
         position is unknown."""
+        ...
+
+    def joints(self) -> Iterable[Key]:
+        """Return the goals that joints keep by a force that knows of no speed."""
+        ...
+
+    def standing_goal(self, device: Any, item: str) -> float | None:
+        """Return the goal by which one of the ``joints`` stands, nan while it is unknown, None for what is limp."""
         ...
 
     def signed(self, device: Any, item: str, raw: Any) -> float:
@@ -120,6 +141,10 @@ class SetPoints:
         self.limits: Mapping[Key, Limit] = {}
         self._courses: dict[Key, _Course] = {}
         self._under_way: dict[Key, None] = {}
+        self._limited: tuple[Key, ...] = ()
+        self._led: dict[Key, tuple[float, float]] = {}
+        self._led_at = -math.inf
+        self._paced: dict[Key, None] = {}
         self._stepped_at = -math.inf
         self._usual_step = 0.0
         self._news: list[Limited] = []
@@ -130,6 +155,7 @@ class SetPoints:
         A joint that stands stays where it is; one on its way goes on within the new limits.
         """
         self.limits = table
+        self._limited = tuple(key for key, limit in table.items() if limit.rate < math.inf)
         given: dict[Key, Any] = {}
         for key in self._courses.keys() & table.keys():
             course, limit = self._courses[key], table[key]
@@ -168,6 +194,10 @@ class SetPoints:
             if devices is None or key[0] in devices:
                 del self._courses[key]
                 self._under_way.pop(key, None)
+                self._paced.pop(key, None)
+        for key in list(self._led):
+            if devices is None or key[0] in devices:
+                del self._led[key]
 
     def accept_targets(
         self,
@@ -194,6 +224,11 @@ class SetPoints:
             limit = self.limits.get(key)
             wanted = float(raw) if limit is None else self._apply_limit(key, course, limit, raw)
             course.rate = rates.get(key, math.inf)
+            self._led.pop(key, None)
+            if course.rate < math.inf:
+                self._paced[key] = None
+            elif self._paced:
+                self._paced.pop(key, None)
             held_up = key in resumed and course.speed() > 0 and course.rate == math.inf
             course.add_target(wanted, now, now if written is None else written, held_up)
             if held_up:
@@ -251,6 +286,34 @@ class SetPoints:
             else:
                 self._start_catch_up(key, course, now)
 
+    def led_goals(self, now: float, still: bool) -> dict[Key, Any]:
+        """Return the goals of joints that are forced away from where they stand: these go along with them.
+
+        A joint that is let go is led back at its pace, or stays where it is while an emergency stop holds (``still``).
+        """
+        passed, self._led_at = min(max(0.0, now - self._led_at), SLOWEST_TICK_S), now
+        news: dict[Key, Any] = {}
+        for key in self._converter.joints() if still else (*self._limited, *self._paced):
+            pace = 0.0 if still else self._pace(key, self._courses.get(key, _NO_COURSE))
+            goal = None if key in self._under_way or pace == math.inf else self._converter.standing_goal(*key)
+            if goal is None:
+                self._led.pop(key, None)
+                continue
+            if math.isnan(goal):
+                continue
+            home, given = self._led.pop(key, (math.nan, math.nan))
+            bounds = self._converter.reach(*key, pace, now)
+            if math.isnan(given) or self._converter.raw_of(*key, given) != goal:
+                given = goal
+            if still or math.isnan(home):
+                home = given
+            step = _step(given, home, pace * passed, bounds)
+            if step != home and not math.isnan(step):
+                self._led[key] = home, step
+            if not math.isnan(step) and (raw := self._converter.raw_of(*key, step)) != goal:
+                news[key] = raw
+        return news
+
     def next_targets(self, now: float) -> dict[Key, Any]:
         """Return the targets of this tick for all courses that have not reached their requested target."""
         if not self._under_way:
@@ -273,13 +336,10 @@ class SetPoints:
             pace = self._pace(key, course)
             if course.returning:
                 pace = min(pace, course.speed() or abs(way) / CATCH_UP_S)
-            reach = pace * elapsed if elapsed else 0.0
-            step = course.asked if abs(way) <= reach else course.given + math.copysign(reach, way)
             bounds = self._converter.reach(*key, pace, now) if pace < math.inf else None
-            if bounds is not None:
-                if math.isnan(bounds[0]):
-                    continue
-                step = min(max(step, bounds[0]), bounds[1])
+            step = _step(course.given, course.asked, pace * elapsed if elapsed else 0.0, bounds)
+            if math.isnan(step):
+                continue
             course.given = step
             given[key] = self._converter.raw_of(*key, course.given)
             if course.given == course.asked:

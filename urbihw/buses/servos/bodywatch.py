@@ -91,8 +91,10 @@ class BodyWatch:
         number = member.device.id
         limit = self.limits.get((number, GOAL))
         speed = abs(member.follower.speed)
-        if limit is None or not member.moved or speed <= limit.rate * MARGIN + COUNTS_S:
+        if limit is None or speed <= limit.rate * MARGIN + COUNTS_S:
             self._over.pop(number, None)
+            return
+        if not member.moved:
             return
         begun = self._over.setdefault(number, now)
         if begun <= now - OVER_S:

@@ -90,10 +90,10 @@ class Cycle:
         """Return the members with a motor."""
         return [member for member in self.members.values() if member.has_motor]
 
-    def set_target(self, device: int, name: str, raw: int) -> None:
-        """Set a target, sent at the next tick; dropped when the device is lost. Raises BadValue."""
+    def set_target(self, device: int, name: str, raw: int, moves: bool = True) -> None:
+        """Set a target, sent at the next tick; dropped when the device is lost: see `Member`. Raises BadValue."""
         member = self.member(device)
-        member.set_target(name, raw)
+        member.set_target(name, raw, moves)
         if member.health.state == "lost":
             member.pending.clear()
 
@@ -159,7 +159,7 @@ class Cycle:
         packets = [each for protocol, one in groups.items() for each in plan.sync_writes(protocol, one)]
         for members in alike.values():
             for member in members:
-                member.mark_sent()
+                member.mark_sent(self.bus.clock.now())
         return b"".join(packets)
 
     def _pop_prefix(self) -> bytes:
@@ -266,6 +266,7 @@ class Cycle:
             self.bus.counters.refused += 1
             return
         values = block.unpack(status.params)
+        member.note_state(values, self.bus.clock.now())
         if PLACE in values:
             member.add_place(values[PLACE], self.bus.clock.now())
         for name in EFFORTS.keys() & values.keys():

@@ -178,6 +178,8 @@ class ServoDriver(Driver):
         self._urgent = urgent
         if not cycle.members:
             return self._scan_if_due(cycle, now)
+        for member in cycle.motors():
+            member.yield_profile()
         tick = cycle.tick(now, meanwhile, urgent)
         self._request_toss_if_silent(cycle, now)
         execute_pending_stops(cycle)
@@ -209,6 +211,11 @@ class ServoDriver(Driver):
             except BadValue as error:
                 refused.append(Refused(device, item, str(error)))
         return refused
+
+    def lead(self, goals: Mapping[tuple[Any, str], Any]) -> None:
+        if self._cycle is not None:
+            for (device, item), raw in goals.items():
+                self._cycle.set_target(device, item, raw, moves=False)
 
     def watch(self, message: Watch, now: float) -> list[FromWorker]:
         """Begin, change or end a watch."""
@@ -321,9 +328,14 @@ class ServoDriver(Driver):
         member = None if self._cycle is None else self._cycle.members.get(device)
         if item != GOAL or member is None:
             return None
-        member.follow(now)
-        place = math.nan if member.place is None else member.place
-        return member.follower.reach(place, now - member.place_at, pace, self._options.push)
+        return member.reach(pace, self._options.push, now)
+
+    def joints(self) -> Iterable[tuple[Any, str]]:
+        return () if self._cycle is None else [(member.device.id, GOAL) for member in self._cycle.motors()]
+
+    def standing_goal(self, device: Any, item: str) -> float | None:
+        member = self._table_member(device)
+        return None if item != GOAL or member is None else member.standing_goal
 
     def signed(self, device: Any, item: str, raw: Any) -> float:
         """The speed of an AX wheel has its direction in a bit; the speed of a joint is without a limit at 0."""
@@ -473,6 +485,7 @@ class ServoDriver(Driver):
                 raise BadValue("only devices of protocol 2.0 can be rebooted; switch the power off and on")
             bus.reboot(message.device)
             member.drop_targets()
+            member.forget_place()
             return 0
         if message.verb == "write_all":
             return tuple((name, _write(bus, member, name, value)) for name, value in message.value)
@@ -481,7 +494,7 @@ class ServoDriver(Driver):
         item = member.table.item(message.item)
         value = item.unpack(bus.read(message.device, item.address, item.size))
         if item.name in member.table.setup_items:
-            member.record_write(item.name, value)
+            member.record_write(item.name, value, bus.clock.now())
         return value
 
 
@@ -539,7 +552,7 @@ def _write(bus: ServoBus, member: Member, name: str, wanted: Any) -> int:
     except BusError as error:
         if isinstance(error, LinkGone) or item.unpack(bus.read(member.device.id, item.address, item.size)) != value:
             raise
-    member.record_write(item.name, value)
+    member.record_write(item.name, value, bus.clock.now())
     if name == TORQUE and value:
         _read_goal(bus, member)
     return value
@@ -551,7 +564,7 @@ def _read_goal(bus: ServoBus, member: Member) -> None:
     if item is None:
         return
     try:
-        member.written[GOAL] = item.unpack(bus.read(member.device.id, item.address, item.size))
+        member.written[GOAL] = member.goal = item.unpack(bus.read(member.device.id, item.address, item.size))
     except LinkGone:
         raise
     except BusError:

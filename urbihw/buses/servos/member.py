@@ -9,7 +9,7 @@ read otherwise is read every WATCHDOG_CHECK_PERIOD_S.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -35,6 +35,10 @@ EFFORTS: Final = {
 }
 """Registers without which a joint has no force: while one of them is 0, it is as limp as without torque -> the register
 that a model must have for it; without that, the register counts in another mode only."""
+PROFILE: Final = "profile_velocity"
+"""The speed at which a servo leads its own goal to the one that it is given."""
+OWN_SPEEDS: Final = (PROFILE, "moving_speed", "goal_speed")
+"""Registers of the speed of a joint on its way to a goal; a model has one of them."""
 FOLLOW_S: Final = 0.3
 """Seconds for which the position of a joint is read with each tick after its goal was bound to it."""
 FIRED: Final = -1
@@ -68,7 +72,10 @@ class Member:
         written: targets that the device has, item -> raw; empty when unknown.
         moved: it was given a motion since it was last stopped.
         stop_pending: a stop could not be executed yet, because its position could not be read.
-        held: the goal with which it was stopped last; None before that.
+        goal: the goal position that the servo has, raw; None while it is unknown.
+        stiff: whether its torque is on; None while that is unknown.
+        stiff_at: time at which that was known last.
+        profile: its register PROFILE, raw; None while it is unknown.
         place: the present position as last read, raw; None before that.
         place_at: time of that reading.
         state: the lasting error bits of its answers as last reported.
@@ -85,13 +92,20 @@ class Member:
         self.written: dict[str, int] = {}
         self.moved = False
         self.stop_pending = False
-        self.held: int | None = None
+        self.goal: int | None = None
+        self.stiff: bool | None = None
+        self.stiff_at = -math.inf
         self.place: int | None = None
         self.place_at = -math.inf
         self.state = 0
         self.armed = device.setup.get(WATCHDOG, 0) > 0
         self.limp_by: set[str] = set()
         self._followed_until = -math.inf
+        self._asks_for_goal = False
+        self.profile: int | None = None
+        self._profile_kept: int | None = None
+        self._own_pace = math.inf
+        self._moves_next = False
         self.follower = ServoFollower(*self._follows())
         self._watchdog_check_due = 0.0
         self._schedules: list[_ReadSchedule] = []
@@ -153,6 +167,60 @@ class Member:
         """Read its position with each tick from now on: its goal is bound to it."""
         self._followed_until = now + FOLLOW_S
 
+    @property
+    def goal_range(self) -> tuple[int, int]:
+        """The lowest and the highest goal that the servo takes."""
+        goal, mode, setup = self.table.item(GOAL), self.device.mode, self.device.setup
+        if mode is not None and mode.limits and all(name in setup for name in mode.limits):
+            low, high = (setup[name] for name in mode.limits)
+            return low, high
+        return goal.low, goal.high
+
+    @property
+    def standing_goal(self) -> float | None:
+        """The goal by which a joint with torque stands, nan while it is unknown; None for what is no such joint.
+
+        While it is unknown, or something disturbs the joint, goal and torque are read with each tick: on AX servos to
+        write a goal would switch the torque on.
+        """
+        mode = self.device.mode
+        is_joint = self.has_motor and (mode is None or mode.motion is ShaftMotion.POSITION)
+        if not is_joint or self.stiff is False or self.health.state != "ok":
+            self._asks_for_goal = False
+            return None
+        since = self.follower.disturbed_since
+        self._asks_for_goal = self.goal is None or not self.stiff or since is not None
+        is_sure = self.stiff and (since is None or self.stiff_at >= since or self.device.protocol != 1)
+        return self.goal if self.goal is not None and is_sure else math.nan
+
+    def note_state(self, values: Mapping[str, int], now: float) -> None:
+        """Take goal and torque, as written or as read."""
+        if TORQUE in values:
+            if values[TORQUE] and not self.stiff:
+                # With its torque a servo may take another goal by itself.
+                self.goal = None
+            self.stiff, self.stiff_at = bool(values[TORQUE]), now
+        self.profile = values.get(PROFILE, self.profile)
+        for name in OWN_SPEEDS:
+            if name in values:
+                fastest = abs(unit_of(self.table.item(name)).to_si(values[name]))
+                self._own_pace = fastest / self.count if fastest else math.inf
+        if GOAL in values:
+            self.goal = values[GOAL]
+            if GOAL in self.written:
+                self.written[GOAL] = values[GOAL]
+
+    def reach(self, pace: float, push: float, now: float) -> tuple[float, float]:
+        """Return the lowest and the highest goal that it can follow: see `ServoFollower.reach`; nan while unknown.
+
+        `pace` is the highest speed that is wanted, in counts per second; its own register may bound it to less.
+        """
+        self.follow(now)
+        place = math.nan if self.place is None else self.place
+        bounds = self.follower.reach(place, now - self.place_at, min(pace, self._own_pace), push)
+        low, high = self.goal_range
+        return min(max(bounds[0], low), high), min(max(bounds[1], low), high)
+
     def note_effort(self, name: str, raw: int) -> None:
         """Take a value of a register of EFFORTS, as written or as read."""
         if raw:
@@ -168,22 +236,45 @@ class Member:
     def add_place(self, place: int, now: float) -> None:
         """Take a measured position."""
         self.place, self.place_at = place, now
-        self.follower.add_reading(place, now, self.written.get(GOAL))
+        self.follower.add_reading(place, now, self.goal)
 
     def forget_place(self) -> None:
         """Its position is unknown: it may be moved by hand meanwhile."""
         self.place, self.place_at = None, -math.inf
+        self.goal = self.stiff = None
         self.follower.forget()
 
-    def set_target(self, name: str, raw: int) -> None:
-        """Set a target for the next tick. Raises BadValue for an item or a value that cannot be a target."""
+    def yield_profile(self) -> None:
+        """Let the servo take a goal at once while something disturbs the joint, and at its own speed again after that.
+
+        A servo with a profile leads its own goal to the one that it is given, which a hand may overtake: when the hand
+        lets go, that goal is far behind.
+        """
+        if self.follower.disturbed_since is None:
+            if self._profile_kept is not None and self.health.state == "ok":
+                self.pending[PROFILE] = self._profile_kept
+        elif self.profile and GOAL in self.pending and self._is_unlimited_at_zero(PROFILE):
+            self._profile_kept = self.profile
+            self.pending[PROFILE] = 0
+
+    def _is_unlimited_at_zero(self, name: str) -> bool:
+        return math.isinf(unit_of(self.table.item(name)).to_si(0))
+
+    def set_target(self, name: str, raw: int, moves: bool = True) -> None:
+        """Set a target for the next tick. Raises BadValue for an item or a value that cannot be a target.
+
+        `moves`: it is a motion that was asked for; false for a goal that is led along with the joint.
+        """
         item = self.table.item(name)
         if item.access != "RW" or item.area != "R" or name in self.table.mode_items:
             raise BadValue(f"{name} of {self.table.name} cannot be a target (write it with a Request)")
         item.check(raw)
         if self.moves(name):
             self.stop_pending = False
-        if self.written.get(name) == raw:
+            self._moves_next = self._moves_next or moves
+        if name == PROFILE and self._profile_kept is not None:
+            self._profile_kept = raw
+        elif self.written.get(name) == raw:
             self.pending.pop(name, None)
         else:
             self.pending[name] = raw
@@ -201,18 +292,21 @@ class Member:
         if any(raw and self.must_arm_watchdog(name) for name, raw in self.written.items()):
             self.pending[WATCHDOG] = WATCHDOG_COUNTS
 
-    def mark_sent(self) -> None:
+    def mark_sent(self, now: float) -> None:
         """Record that the pending targets are on the wire."""
-        if not self.moved:
-            self.moved = any(map(self.moves, self.pending))
+        self.moved = self.moved or self._moves_next
+        self._moves_next = False
         # Kept apart from `written`: a stop clears that, while the watchdog keeps running.
         self.armed = self.armed or bool(self.pending.pop(WATCHDOG, 0))
         for name in EFFORTS.keys() & self.pending.keys():
             self.note_effort(name, self.pending[name])
+        if self.pending.get(PROFILE):
+            self._profile_kept = None
+        self.note_state(self.pending, now)
         self.written.update(self.pending)
         self.pending.clear()
 
-    def record_write(self, name: str, raw: int) -> None:
+    def record_write(self, name: str, raw: int, now: float) -> None:
         """Record the write of one item by a request, so that `written` and `setup` agree with the device."""
         if self.moves(name):
             self.moved, self.stop_pending = True, False
@@ -222,10 +316,15 @@ class Member:
             self.moved = self.stop_pending = False
         if name in EFFORTS:
             self.note_effort(name, raw)
+        self.note_state({name: raw}, now)
+        if name == PROFILE:
+            self._profile_kept = None
         self.written[name] = raw
         self.pending.pop(name, None)
         if name == WATCHDOG:
             self.armed = raw > 0
+        if name in self.table.mode_items:
+            self.goal = None
         if name in self.table.setup_items:
             self.device = replace(self.device, setup={**self.device.setup, name: raw})
 
@@ -255,6 +354,7 @@ class Member:
 
     def drop_targets(self) -> None:
         """Drop pending targets and the record of written ones: the device may have lost power, or was stopped."""
+        self._moves_next = False
         self.pending.clear()
         self.written.clear()
 
@@ -285,6 +385,9 @@ class Member:
                     rhythm.due = now + rhythm.period
         if now < self._followed_until and PLACE not in names:
             names = (*names, PLACE)
+        if self._asks_for_goal:
+            known = self.table.items
+            names = (*names, *(name for name in (GOAL, TORQUE, PROFILE) if name in known and name not in names))
         if self.armed and self._watchdog_check_due <= now + tolerance:
             # At the same tick for all devices, so that one group read asks them together.
             period = WATCHDOG_CHECK_PERIOD_S

@@ -1,10 +1,10 @@
 """The safe stop, executed when the master sends Stop, falls silent, or dies.
 
 Servos that turn (wheel, velocity, current, PWM mode) get 0. Joints that this driver has moved hold their position:
-their goal becomes their present position, within their limits. A joint that this driver has not moved is read: it gets
-a goal only if it is on its way, since another master moves it. Limp ones stay limp, since on AX servos writing a goal
-switches the torque on. Torque is unchanged unless `torque_off`. Turning servos and joints with a recent position are
-stopped first, since that needs no reading; the others are read one by one.
+their goal becomes their present position, and the error by which they carry a weight, within their limits. A joint that
+this driver has not moved is read: it gets a goal only if it is on its way, since another master moves it. Limp ones
+stay limp, since on AX servos writing a goal switches the torque on. Torque is unchanged unless `torque_off`. Turning
+servos and joints with a recent position are stopped first, since that needs no reading; the others are read one by one.
 """
 
 from __future__ import annotations
@@ -93,11 +93,11 @@ def hold_here(bus: ServoBus, member: Member) -> None:
     """
     member.pending.pop(GOAL, None)
     if _read_position(bus, member):
+        member.follower.forget()
         goal = _hold_goal(member)
         for values in ({TORQUE: 0}, {TORQUE: 1}, goal):
             _write(bus, [member], {member.device.id: values})
         member.written.update(goal)
-        member.follower.forget()
 
 
 def execute_pending_stops(cycle: Cycle) -> None:
@@ -143,8 +143,8 @@ def _is_on_its_way(bus: ServoBus, member: Member) -> bool:
     if not torque.unpack(bus.read(number, torque.address, torque.size)):
         return False
     wanted = goal.unpack(bus.read(number, goal.address, goal.size))
-    if wanted == member.held:
-        # A weight has pulled it off the place of its stop; with each further goal there it would give way more.
+    if wanted == member.goal:
+        # The goal is ours: a weight has pulled it off; with each further goal there it would give way more.
         return False
     moving = member.table.items.get("moving")
     if moving is not None and moving.unpack(bus.read(number, moving.address, moving.size)):
@@ -188,7 +188,9 @@ def _read_position(bus: ServoBus, member: Member) -> bool | None:
     """Read the position of a joint; False if it has no torque (after a loss of power), None if it does not answer."""
     present, torque = member.table.item(PLACE), member.table.item(TORQUE)
     try:
-        if not torque.unpack(bus.read(member.device.id, torque.address, torque.size)):
+        stiff = torque.unpack(bus.read(member.device.id, torque.address, torque.size))
+        member.note_state({TORQUE: stiff}, bus.clock.now())
+        if not stiff:
             return False
         place = present.unpack(bus.read(member.device.id, present.address, present.size))
     except (BusTimeout, BadFrame, DeviceRefused):
@@ -201,17 +203,13 @@ def _hold_goal(member: Member) -> dict[str, int]:
     """Return the goal that holds a joint where it is, and record it."""
     if member.place is None:
         return {}
-    member.held = _within_limits(member, member.place)
-    return {GOAL: member.held}
+    member.goal = _within_limits(member, round(member.follower.rest(member.place)))
+    return {GOAL: member.goal}
 
 
 def _within_limits(member: Member, place: int) -> int:
     """Return a position within the limits: the servo refuses a goal outside them, and would keep moving."""
-    goal = member.table.item(GOAL)
-    low, high = goal.low, goal.high
-    mode, setup = member.device.mode, member.device.setup
-    if mode is not None and mode.limits and all(name in setup for name in mode.limits):
-        low, high = (setup[name] for name in mode.limits)
+    low, high = member.goal_range
     return min(max(place, low), high)
 
 
