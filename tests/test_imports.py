@@ -172,9 +172,9 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.platforms.teach", "urbihw.platforms.scene", "urbihw.navigation",
     ),  # fmt: skip
     # The Nao, a wheel of its own: its wire protocol is that of a bus, its platform that of a robot.
-    "urbihw_nao.qi": ("urbihw.buses", "urbihw.settings", "urbihw.extras"),
+    "urbihw_nao.qimessaging": ("urbihw.buses", "urbihw.settings", "urbihw.extras"),
     "urbihw_nao": (
-        "urbihw_nao.qi", "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.extras",
+        "urbihw_nao.qimessaging", "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.extras",
         "urbihw.platforms.base", "urbihw.platforms.channel", "urbihw.platforms.devicelog", "urbihw.platforms.hooks",
         "urbihw.platforms.limits", "urbihw.platforms.measured", "urbihw.platforms.speaker",
         "urbihw.platforms.streamed", "urbihw.platforms.teach", "urbihw.platforms.words",
@@ -398,7 +398,7 @@ BROKEN = [
     ("urbihw/daemon/a.py", "from urbihw.kernel.runtime import world", "urbihw.kernel.runtime"),
     ("fakes/urbihw_fakes/a.py", "from urbihw.buses import link", "urbihw.buses"),
     ("urbihw/daemon/a.py", "from urbihw_nao import driver", "urbihw_nao"),
-    ("packages/nao/urbihw_nao/qi/a.py", "from urbihw_nao import driver", "urbihw_nao"),
+    ("packages/nao/urbihw_nao/qimessaging/a.py", "from urbihw_nao import driver", "urbihw_nao"),
     ("packages/nao/urbihw_nao/a.py", "from urbihw.kernel.runtime.object import Obj", "urbihw.kernel.runtime.object"),
     ("urbihw/cli/a.py", "from .main import main", ".main: imports are absolute"),
     ("urbihw/buses/a.py", "import greenlet", "greenlet: only urbihw.kernel.sched may"),

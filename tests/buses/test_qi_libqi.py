@@ -11,10 +11,10 @@ from urbihw import buses
 from urbihw.buses.errors import BadUrl, BadValue, Unavailable
 from urbihw.buses.link import Context, byte_link
 from urbihw.extras import install_command
-from urbihw_nao.qi.libqi import LibqiPort
-from urbihw_nao.qi.libqi_values import from_libqi, to_libqi
-from urbihw_nao.qi.opening import open_session
-from urbihw_nao.qi.signatures import parse
+from urbihw_nao.qimessaging.libqi import LibqiPort
+from urbihw_nao.qimessaging.libqi_values import from_libqi, to_libqi
+from urbihw_nao.qimessaging.opening import open_session
+from urbihw_nao.qimessaging.signatures import parse
 
 
 @pytest.mark.parametrize("scheme", ["libqi", "libqis"])

@@ -11,14 +11,14 @@ from urbihw.buses.clock import BusSimClock
 from urbihw.buses.errors import BadFrame, BadValue, LinkGone, Unavailable
 from urbihw.buses.link import Context, Url
 from urbihw.buses.pipe import PipeEnd, PipeLink
-from urbihw_nao.qi import frames as f
-from urbihw_nao.qi.endpoints import ServicePlace
-from urbihw_nao.qi.login import Login
-from urbihw_nao.qi.metaobject import MetaObject
-from urbihw_nao.qi.opening import open_session
-from urbihw_nao.qi.session import first_line
-from urbihw_nao.qi.values import encode
-from urbihw_nao.qi.wire_session import GET_META_OBJECT
+from urbihw_nao.qimessaging import frames as f
+from urbihw_nao.qimessaging.endpoints import ServicePlace
+from urbihw_nao.qimessaging.login import Login
+from urbihw_nao.qimessaging.metaobject import MetaObject
+from urbihw_nao.qimessaging.opening import open_session
+from urbihw_nao.qimessaging.session import first_line
+from urbihw_nao.qimessaging.values import encode
+from urbihw_nao.qimessaging.wire_session import GET_META_OBJECT
 from urbihw_nao_fakes.device import Nao
 
 

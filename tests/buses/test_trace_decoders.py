@@ -14,7 +14,7 @@ from urbihw.buses.capture import capture_line, read_capture
 from urbihw.buses.errors import BadFrame
 from urbihw.buses.servos import packet
 from urbihw.buses.trace import Chunk, Direction, TraceDecoder, TracedPacket
-from urbihw_nao.qi.frames import CALL, ERROR, QiMessage
+from urbihw_nao.qimessaging.frames import CALL, ERROR, QiMessage
 
 CAPTURES = Path(urbihw_fakes.__file__).parent / "captures"
 TRACED = [folder.name for folder in platforms.folders() if platforms.read(folder).trace]

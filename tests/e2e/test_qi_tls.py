@@ -15,9 +15,9 @@ from urbihw import buses
 from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
 from urbihw.buses.messages import Configure, Refused
 from urbihw_nao.driver import NaoDriver
-from urbihw_nao.qi.login import Login
-from urbihw_nao.qi.opening import open_session
-from urbihw_nao.qi.session import QiSession
+from urbihw_nao.qimessaging.login import Login
+from urbihw_nao.qimessaging.opening import open_session
+from urbihw_nao.qimessaging.session import QiSession
 from urbihw_nao_fakes.device import Nao
 from urbihw_nao_fakes.endpoint import NaoEndpoint
 from urbihw_nao_fakes.services import Service, method

@@ -8,7 +8,7 @@ from driver_rig import DriverRig
 
 from urbihw.buses.messages import Reply
 from urbihw_nao.driver import NaoDriver
-from urbihw_nao.qi.frames import CALL, POST, QiFramer
+from urbihw_nao.qimessaging.frames import CALL, POST, QiFramer
 from urbihw_nao_fakes.body import Body
 from urbihw_nao_fakes.device import Nao
 

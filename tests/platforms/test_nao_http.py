@@ -17,8 +17,8 @@ from urbihw_nao.http_request import LARGEST
 from urbihw_nao.http_visitor import REQUEST_TIMEOUT_S, HttpVisitor, find_allowed_hosts, write_value
 from urbihw_nao.literals import DEEPEST, parse_call
 from urbihw_nao.options import NaoOptions
-from urbihw_nao.qi.login import Login
-from urbihw_nao.qi.login_guard import LoginGuard
+from urbihw_nao.qimessaging.login import Login
+from urbihw_nao.qimessaging.login_guard import LoginGuard
 
 MODULE = """
 var Global.mathematics = ALModule.new("mathematics")|;

@@ -16,8 +16,8 @@ from urbihw.buses.errors import LinkGone, Unavailable
 from urbihw.buses.messages import DeviceReport, Refused, Reply, Request, Targets
 from urbihw_nao.call_part import BEGUN, CallPart
 from urbihw_nao.finding import BODY_ID
-from urbihw_nao.qi.frames import DYNAMIC, REPLY, QiFramer, QiMessage
-from urbihw_nao.qi.values import encode
+from urbihw_nao.qimessaging.frames import DYNAMIC, REPLY, QiFramer, QiMessage
+from urbihw_nao.qimessaging.values import encode
 from urbihw_nao_fakes.behaviours import Behaviours
 from urbihw_nao_fakes.device import Nao
 

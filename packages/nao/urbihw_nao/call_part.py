@@ -10,8 +10,8 @@ from urbihw.buses.messages import DeviceReport, FromWorker, Refused, Reply, Requ
 from urbihw_nao.exchange import LINK_LOST, NaoExchange
 from urbihw_nao.finding import LEDS, MEMORY, SONAR
 from urbihw_nao.part import Devices, NaoPart
-from urbihw_nao.qi.checked import describe_error, to_row, to_text
-from urbihw_nao.qi.session import QiCall, QiSubscription
+from urbihw_nao.qimessaging.checked import describe_error, to_row, to_text
+from urbihw_nao.qimessaging.session import QiCall, QiSubscription
 from urbihw_nao.reading import is_bounded
 
 SERVICES: Final = "services"

@@ -19,8 +19,8 @@ from urbihw.buses.messages import DeviceReport, FromWorker, Refused, Reply, Requ
 from urbihw_nao.exchange import NaoExchange
 from urbihw_nao.part import Devices, NaoPart
 from urbihw_nao.pictures import CameraMode, read_picture
-from urbihw_nao.qi.opening import open_session
-from urbihw_nao.qi.session import QiCall, QiService, QiSession
+from urbihw_nao.qimessaging.opening import open_session
+from urbihw_nao.qimessaging.session import QiCall, QiService, QiSession
 
 CAMERA: Final = "camera"
 VIDEO: Final = "ALVideoDevice"

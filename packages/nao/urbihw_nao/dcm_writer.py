@@ -23,8 +23,8 @@ from urbihw_nao.exchange import NaoExchange
 from urbihw_nao.joint_writer import ANGLES, STIFFNESS, JointWriter
 from urbihw_nao.motor_trace import MotorTrace
 from urbihw_nao.orders import JointOrders
-from urbihw_nao.qi.checked import show_text, to_whole
-from urbihw_nao.qi.session import QiCall, QiService
+from urbihw_nao.qimessaging.checked import show_text, to_whole
+from urbihw_nao.qimessaging.session import QiCall, QiService
 from urbihw_nao.reading import PREFIX
 
 DCM: Final = "DCM"

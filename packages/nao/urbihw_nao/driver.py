@@ -49,9 +49,9 @@ from urbihw_nao.module_part import ModulePart
 from urbihw_nao.options import NaoOptions
 from urbihw_nao.orders import JointOrders
 from urbihw_nao.part import NaoPart
-from urbihw_nao.qi.checked import LONGEST_LINE, describe_error, show_text
-from urbihw_nao.qi.hosting import Hosting
-from urbihw_nao.qi.opening import open_session
+from urbihw_nao.qimessaging.checked import LONGEST_LINE, describe_error, show_text
+from urbihw_nao.qimessaging.hosting import Hosting
+from urbihw_nao.qimessaging.opening import open_session
 from urbihw_nao.sense_part import SensePart
 from urbihw_nao.sound_part import SoundPart
 from urbihw_nao.walk_part import WALK, WalkPart

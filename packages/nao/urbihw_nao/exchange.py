@@ -11,7 +11,7 @@ from urbihw.buses.link import Port
 from urbihw.buses.messages import FromWorker, Refused
 from urbihw_nao.finding import NaoInfo
 from urbihw_nao.options import NaoOptions
-from urbihw_nao.qi.session import QiCall, QiService, QiSession
+from urbihw_nao.qimessaging.session import QiCall, QiService, QiSession
 
 CYCLE_TIMEOUT_S: Final = 1.0
 """Seconds in which NAOqi must answer in the cycle; then the link is given up."""

@@ -9,8 +9,8 @@ from typing import Any, Final
 from urbihw.buses.errors import BadFrame
 from urbihw_nao import reading
 from urbihw_nao.orders import JointInfo
-from urbihw_nao.qi.checked import is_name, show_text, to_number, to_row
-from urbihw_nao.qi.session import QiService, QiSession
+from urbihw_nao.qimessaging.checked import is_name, show_text, to_number, to_row
+from urbihw_nao.qimessaging.session import QiService, QiSession
 
 MOTION, MEMORY, LEDS, SONAR = "ALMotion", "ALMemory", "ALLeds", "ALSonar"
 PROXIES: Final = (

@@ -31,9 +31,9 @@ from urbihw.buses.errors import Unavailable
 from urbihw.buses.listening import Visitor
 from urbihw_nao.http_request import HeadReader, HttpRefusal
 from urbihw_nao.literals import parse_call
-from urbihw_nao.qi.login import Login
-from urbihw_nao.qi.login_guard import LoginGuard
-from urbihw_nao.qi.serving import shorten_error
+from urbihw_nao.qimessaging.login import Login
+from urbihw_nao.qimessaging.login_guard import LoginGuard
+from urbihw_nao.qimessaging.serving import shorten_error
 
 REQUEST_TIMEOUT_S: Final = 5.0
 """Seconds in which a request must have come."""

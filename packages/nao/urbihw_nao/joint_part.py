@@ -14,8 +14,8 @@ from urbihw_nao.motor_trace import MotorTrace
 from urbihw_nao.options import SHIFTS_S, NaoOptions
 from urbihw_nao.orders import REACHED, SLACK, JointOrders
 from urbihw_nao.part import Devices, NaoPart
-from urbihw_nao.qi.checked import to_number, to_row
-from urbihw_nao.qi.session import QiCall
+from urbihw_nao.qimessaging.checked import to_number, to_row
+from urbihw_nao.qimessaging.session import QiCall
 
 MOTORS: Final = "motors"
 """Stands for the way in which all joints are written."""

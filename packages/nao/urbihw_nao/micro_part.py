@@ -2,7 +2,7 @@
 
 ALAudioDevice calls ``processRemote`` of each module that has subscribed, with the number of channels, the number of
 samples of each, a time stamp, and the samples: 16 bits, 16000 a second for one channel, every 170 ms (documentation of
-NAOqi 2.1 to 2.8, "ALAudioDevice").  The robot must be able to reach us: see ``urbihw_nao.qi.hosting``.
+NAOqi 2.1 to 2.8, "ALAudioDevice").  The robot must be able to reach us: see ``urbihw_nao.qimessaging.hosting``.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from typing import Any, Final
 from urbihw.buses.messages import Refused
 from urbihw_nao.exchange import NaoExchange
 from urbihw_nao.part import NaoPart
-from urbihw_nao.qi.hosting import Hosting
-from urbihw_nao.qi.serving import IncomingCall, ServedMethod
+from urbihw_nao.qimessaging.hosting import Hosting
+from urbihw_nao.qimessaging.serving import IncomingCall, ServedMethod
 from urbihw_nao.sound_part import AUDIO
 
 MICRO: Final = "micro"

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any, Final
 
-from urbihw_nao.qi.serving import IncomingCall, ServedMethod
+from urbihw_nao.qimessaging.serving import IncomingCall, ServedMethod
 
 BROKER: Final = "urbihw"
 

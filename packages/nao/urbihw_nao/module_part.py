@@ -22,9 +22,9 @@ from urbihw_nao.exchange import NaoExchange
 from urbihw_nao.http_visitor import HttpVisitor, find_allowed_hosts
 from urbihw_nao.module_help import standard_methods
 from urbihw_nao.part import NaoPart
-from urbihw_nao.qi.call_limits import TokenBucket
-from urbihw_nao.qi.hosting import Hosting
-from urbihw_nao.qi.serving import IncomingCall, ServedMethod
+from urbihw_nao.qimessaging.call_limits import TokenBucket
+from urbihw_nao.qimessaging.hosting import Hosting
+from urbihw_nao.qimessaging.serving import IncomingCall, ServedMethod
 
 MODULE: Final = "module"
 CALL, CANCEL = "call", "cancel"

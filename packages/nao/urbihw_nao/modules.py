@@ -16,7 +16,7 @@ from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.devicelog import DeviceLog
 from urbihw_nao import words
 from urbihw_nao.module_part import CALL, BoundMethod
-from urbihw_nao.qi.serving import shorten_error
+from urbihw_nao.qimessaging.serving import shorten_error
 
 SLOT: Final = "naoModules"
 """The name of the only instance in Global."""

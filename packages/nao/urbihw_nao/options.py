@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from urbihw.settings import SWITCH, TEXT, BadSetting, SettingsTable, number, setting, whole
-from urbihw_nao.qi.hosting import EndPointSettings
-from urbihw_nao.qi.login import Login
+from urbihw_nao.qimessaging.hosting import EndPointSettings
+from urbihw_nao.qimessaging.login import Login
 
 SHIFTS_S: Final = (0.02, 0.5)
 """Least and greatest ``dcm_shift``."""

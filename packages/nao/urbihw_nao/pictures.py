@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from urbihw.buses.errors import BadValue
 from urbihw.extras import install_command
-from urbihw_nao.qi.checked import to_row, to_whole
+from urbihw_nao.qimessaging.checked import to_row, to_whole
 
 RGB, YUV, JPEG, PPM, YUV422, GREY8, GREY4 = range(1, 8)
 """The values of ``camera.formatDetail`` (manual, section "Camera")."""

@@ -13,8 +13,8 @@ from urbihw_nao.exchange import NaoExchange
 from urbihw_nao.finding import NaoFinding
 from urbihw_nao.orders import JointOrders
 from urbihw_nao.part import NaoPart
-from urbihw_nao.qi.checked import to_row
-from urbihw_nao.qi.session import QiCall
+from urbihw_nao.qimessaging.checked import to_row
+from urbihw_nao.qimessaging.session import QiCall
 
 SLOW_CYCLES: Final = 5
 """Sensors and temperatures are read in each such cycle."""

@@ -16,7 +16,7 @@ from typing import Any, Final
 from urbihw.buses.messages import FromWorker, Reply, Request
 from urbihw_nao.exchange import LINK_LOST, NaoExchange
 from urbihw_nao.part import NaoPart
-from urbihw_nao.qi.session import QiCall, QiService
+from urbihw_nao.qimessaging.session import QiCall, QiService
 
 SPEAKER: Final = "speaker"
 AUDIO: Final = "ALAudioDevice"

@@ -9,8 +9,8 @@ from urbihw.buses.errors import BadValue
 from urbihw.buses.messages import FromWorker, Reply, Request
 from urbihw_nao.exchange import NaoExchange
 from urbihw_nao.part import Devices, NaoPart
-from urbihw_nao.qi.checked import to_number, to_row
-from urbihw_nao.qi.session import QiCall
+from urbihw_nao.qimessaging.checked import to_number, to_row
+from urbihw_nao.qimessaging.session import QiCall
 
 WALK: Final = "walk"
 AXES: Final = ("x", "y", "yaw")

@@ -9,7 +9,7 @@ from urbihw.buses.errors import Unavailable
 from urbihw.buses.messages import Refused
 from urbihw_nao.exchange import NaoExchange
 from urbihw_nao.part import NaoPart
-from urbihw_nao.qi.session import QiService
+from urbihw_nao.qimessaging.session import QiService
 
 NAME: Final = "UrbihwWatchdog"
 KIND: Final = "watchdog"

@@ -17,8 +17,8 @@ from urbihw.buses.messages import FromWorker, Reply, Request
 from urbihw_nao.exchange import NaoExchange
 from urbihw_nao.finding import MOTION
 from urbihw_nao.part import Devices, NaoPart
-from urbihw_nao.qi.checked import to_number, to_row
-from urbihw_nao.qi.session import QiCall
+from urbihw_nao.qimessaging.checked import to_number, to_row
+from urbihw_nao.qimessaging.session import QiCall
 
 EFFECTORS: Final[Mapping[str, str]] = {"LHand": "LArm", "RHand": "RArm"}
 """The hands, and the effectors that they are to NAOqi."""

@@ -11,11 +11,11 @@ from typing import Any, Final
 
 from urbihw.buses.errors import BadFrame, Unavailable
 from urbihw.buses.listening import Visitor
-from urbihw_nao.qi import frames as f
-from urbihw_nao.qi.login import AUTH_DONE, AUTH_ERROR, AUTH_STATE, Login
-from urbihw_nao.qi.login_guard import LoginGuard
-from urbihw_nao.qi.serving import Address, ObjectServer
-from urbihw_nao.qi.values import decode, encode
+from urbihw_nao.qimessaging import frames as f
+from urbihw_nao.qimessaging.login import AUTH_DONE, AUTH_ERROR, AUTH_STATE, Login
+from urbihw_nao.qimessaging.login_guard import LoginGuard
+from urbihw_nao.qimessaging.serving import Address, ObjectServer
+from urbihw_nao.qimessaging.values import decode, encode
 
 LARGEST_LOGIN: Final = 4096
 """Bytes of a message before the login."""

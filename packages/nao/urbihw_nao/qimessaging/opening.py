@@ -5,8 +5,8 @@ from __future__ import annotations
 from urbihw import buses
 from urbihw.buses.link import Context, Link, Port, byte_link
 from urbihw.buses.tcp import TcpLink
-from urbihw_nao.qi.session import QiSession
-from urbihw_nao.qi.wire_session import OTHER_TIMEOUT_S, WireSession
+from urbihw_nao.qimessaging.session import QiSession
+from urbihw_nao.qimessaging.wire_session import OTHER_TIMEOUT_S, WireSession
 
 
 class SessionPort(Port):

@@ -21,7 +21,7 @@ from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
 from urbihw.buses.link import Context, Url
 from urbihw.buses.tcp import TcpLink
 from urbihw.settings import TEXT, SettingRule
-from urbihw_nao.qi.login import describe_closed_port
+from urbihw_nao.qimessaging.login import describe_closed_port
 
 PORT: Final = 9559
 TLS_PORT: Final = 9503

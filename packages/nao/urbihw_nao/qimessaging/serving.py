@@ -22,11 +22,11 @@ from typing import Any, Final, Protocol
 
 from urbihw.buses.errors import BadFrame, BadValue, BusError
 from urbihw.settings import one_line
-from urbihw_nao.qi import frames as f
-from urbihw_nao.qi.call_limits import CALL_BURST, CALLS_A_SECOND, MOST_READ, TokenBucket, check_arguments
-from urbihw_nao.qi.metaobject import FIRST_USER_UID
-from urbihw_nao.qi.metatype import META_OBJECT
-from urbihw_nao.qi.values import decode, encode
+from urbihw_nao.qimessaging import frames as f
+from urbihw_nao.qimessaging.call_limits import CALL_BURST, CALLS_A_SECOND, MOST_READ, TokenBucket, check_arguments
+from urbihw_nao.qimessaging.metaobject import FIRST_USER_UID
+from urbihw_nao.qimessaging.metatype import META_OBJECT
+from urbihw_nao.qimessaging.values import decode, encode
 
 CALL_TIMEOUT_S: Final = 60.0
 """Seconds that a call may take; then its caller gets an error."""

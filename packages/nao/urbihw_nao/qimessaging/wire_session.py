@@ -14,11 +14,11 @@ from typing import Any, Final
 
 from urbihw.buses.errors import BadFrame, BadUrl, BadValue, BusError, LinkGone, Unavailable
 from urbihw.buses.link import Link
-from urbihw_nao.qi import frames as f
-from urbihw_nao.qi.checked import is_name, show_text, to_row, to_whole
-from urbihw_nao.qi.connection import QiConnection, QiListener
-from urbihw_nao.qi.endpoints import ServicePlace
-from urbihw_nao.qi.login import (
+from urbihw_nao.qimessaging import frames as f
+from urbihw_nao.qimessaging.checked import is_name, show_text, to_row, to_whole
+from urbihw_nao.qimessaging.connection import QiConnection, QiListener
+from urbihw_nao.qimessaging.endpoints import ServicePlace
+from urbihw_nao.qimessaging.login import (
     AUTH_CONTINUE,
     AUTH_DONE,
     AUTH_ERROR,
@@ -30,10 +30,10 @@ from urbihw_nao.qi.login import (
     describe_silence,
     describe_stranger,
 )
-from urbihw_nao.qi.metaobject import MetaObject
-from urbihw_nao.qi.metatype import META_OBJECT
-from urbihw_nao.qi.serving import Caller
-from urbihw_nao.qi.session import (
+from urbihw_nao.qimessaging.metaobject import MetaObject
+from urbihw_nao.qimessaging.metatype import META_OBJECT
+from urbihw_nao.qimessaging.serving import Caller
+from urbihw_nao.qimessaging.session import (
     TIMEOUT_S,
     Heard,
     QiCall,
@@ -43,7 +43,7 @@ from urbihw_nao.qi.session import (
     find_member,
     no_such_signal,
 )
-from urbihw_nao.qi.values import encode
+from urbihw_nao.qimessaging.values import encode
 
 SERVER, DIRECTORY = 0, 1
 MAIN: Final = 1

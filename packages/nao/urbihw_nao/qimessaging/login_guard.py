@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from urbihw_nao.qi.call_limits import TokenBucket
+from urbihw_nao.qimessaging.call_limits import TokenBucket
 
 WRONG_LOGINS: Final = 3
 """Wrong logins of one address at once."""

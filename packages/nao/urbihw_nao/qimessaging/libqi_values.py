@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from urbihw.buses.errors import BadValue
-from urbihw_nao.qi.signatures import DEEPEST, Type, parse
-from urbihw_nao.qi.values import signature_of
+from urbihw_nao.qimessaging.signatures import DEEPEST, Type, parse
+from urbihw_nao.qimessaging.values import signature_of
 
 DYNAMIC: Final = parse("m")
 

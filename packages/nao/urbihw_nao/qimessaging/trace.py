@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from urbihw.buses.trace import Cut, Direction, StreamDecoder, TracedPacket
-from urbihw_nao.qi.frames import CALL, CANCELLED, ERROR, HEADER, LARGEST, MAGIC
+from urbihw_nao.qimessaging.frames import CALL, CANCELLED, ERROR, HEADER, LARGEST, MAGIC
 
 _TYPES: Final = ("call", "reply", "error", "post", "event", "capability", "cancel", "cancelled")
 _SERVICES: Final = {0: "server", 1: "service directory"}

@@ -21,11 +21,11 @@ from typing import Any, Final
 
 from urbihw.buses.clock import BusClock
 from urbihw.buses.errors import BadValue, LinkGone, Unavailable
-from urbihw_nao.qi.checked import LONGEST_SHOWN, describe_error, show_text
-from urbihw_nao.qi.frames import QiMessage
-from urbihw_nao.qi.login import Login
-from urbihw_nao.qi.metaobject import MetaObject
-from urbihw_nao.qi.serving import Caller
+from urbihw_nao.qimessaging.checked import LONGEST_SHOWN, describe_error, show_text
+from urbihw_nao.qimessaging.frames import QiMessage
+from urbihw_nao.qimessaging.login import Login
+from urbihw_nao.qimessaging.metaobject import MetaObject
+from urbihw_nao.qimessaging.serving import Caller
 
 TIMEOUT_S: Final = 2.0
 """Seconds for the answer to a call, unless its caller says otherwise."""

@@ -8,9 +8,9 @@ from difflib import get_close_matches
 from typing import Any, Self
 
 from urbihw.buses.errors import BadFrame, BadValue
-from urbihw_nao.qi.checked import LONGEST_LINE, is_name, show_text, to_row, to_whole
-from urbihw_nao.qi.signatures import parse
-from urbihw_nao.qi.values import mismatch
+from urbihw_nao.qimessaging.checked import LONGEST_LINE, is_name, show_text, to_row, to_whole
+from urbihw_nao.qimessaging.signatures import parse
+from urbihw_nao.qimessaging.values import mismatch
 
 FIRST_USER_UID = 100
 """Methods below are those of the protocol, the same for all objects."""

@@ -22,10 +22,10 @@ from urbihw.buses.errors import BadFrame, BadValue, LinkGone, Unavailable
 from urbihw.buses.link import Context, Url
 from urbihw.extras import install_command
 from urbihw.settings import SettingRule
-from urbihw_nao.qi.checked import is_name, show_text, to_row
-from urbihw_nao.qi.libqi_values import DYNAMIC, from_libqi, meta_value, to_libqi
-from urbihw_nao.qi.link import LINE_BITS, PORT, TLS_PORT, split_address
-from urbihw_nao.qi.login import (
+from urbihw_nao.qimessaging.checked import is_name, show_text, to_row
+from urbihw_nao.qimessaging.libqi_values import DYNAMIC, from_libqi, meta_value, to_libqi
+from urbihw_nao.qimessaging.link import LINE_BITS, PORT, TLS_PORT, split_address
+from urbihw_nao.qimessaging.login import (
     AUTH_CONTINUE,
     AUTH_ERROR,
     AUTH_STATE,
@@ -35,9 +35,9 @@ from urbihw_nao.qi.login import (
     describe_hang_up,
     describe_silence,
 )
-from urbihw_nao.qi.metaobject import MetaObject
-from urbihw_nao.qi.opening import SessionPort
-from urbihw_nao.qi.session import (
+from urbihw_nao.qimessaging.metaobject import MetaObject
+from urbihw_nao.qimessaging.opening import SessionPort
+from urbihw_nao.qimessaging.session import (
     TIMEOUT_S,
     Heard,
     QiCall,
@@ -49,7 +49,7 @@ from urbihw_nao.qi.session import (
     no_such_signal,
     unusable,
 )
-from urbihw_nao.qi.signatures import Type, parse
+from urbihw_nao.qimessaging.signatures import Type, parse
 
 CLOSE_S: Final = 2.0
 """Seconds for libqi to close its session."""

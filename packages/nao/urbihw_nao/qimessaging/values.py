@@ -14,8 +14,8 @@ from struct import Struct
 from typing import Any, Final
 
 from urbihw.buses.errors import BadFrame, BadValue
-from urbihw_nao.qi.metatype import META_OBJECT
-from urbihw_nao.qi.signatures import DEEPEST, Type, parse
+from urbihw_nao.qimessaging.metatype import META_OBJECT
+from urbihw_nao.qimessaging.signatures import DEEPEST, Type, parse
 
 _NUMBERS: Final = {
     "c": Struct("<b"), "C": Struct("<B"), "w": Struct("<h"), "W": Struct("<H"), "i": Struct("<i"), "I": Struct("<I"),

@@ -8,11 +8,11 @@ from typing import Final
 
 from urbihw.buses.errors import BadFrame, LinkGone
 from urbihw.buses.link import Link
-from urbihw_nao.qi import frames as f
-from urbihw_nao.qi.login import describe_stranger
-from urbihw_nao.qi.session import TIMEOUT_S, Heard, QiCall, QiCounters, first_line, unusable
-from urbihw_nao.qi.signatures import parse
-from urbihw_nao.qi.values import decode, encode
+from urbihw_nao.qimessaging import frames as f
+from urbihw_nao.qimessaging.login import describe_stranger
+from urbihw_nao.qimessaging.session import TIMEOUT_S, Heard, QiCall, QiCounters, first_line, unusable
+from urbihw_nao.qimessaging.signatures import parse
+from urbihw_nao.qimessaging.values import decode, encode
 
 REGISTER_EVENT, UNREGISTER_EVENT = 0, 1
 _READ_BYTES: Final = 65536

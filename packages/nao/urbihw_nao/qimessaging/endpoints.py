@@ -13,7 +13,7 @@ import ipaddress
 from dataclasses import dataclass
 from typing import Any, Final
 
-from urbihw_nao.qi.checked import show_text, to_row, to_text, to_whole
+from urbihw_nao.qimessaging.checked import show_text, to_row, to_text, to_whole
 
 _SCHEMES: Final = {"tcp": "qi", "tcps": "qis"}
 """Scheme of an end point -> that of our url."""

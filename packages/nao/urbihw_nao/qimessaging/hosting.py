@@ -27,13 +27,13 @@ from urbihw.buses.errors import BadValue, LinkGone, Unavailable
 from urbihw.buses.link import Port
 from urbihw.buses.listening import BusListener
 from urbihw.buses.tcp import TcpLink
-from urbihw_nao.qi.login import Login
-from urbihw_nao.qi.login_guard import LoginGuard
-from urbihw_nao.qi.metaobject import MetaObject
-from urbihw_nao.qi.serving import ObjectServer, ServedMethod, ServedObject
-from urbihw_nao.qi.session import QiCall, QiService, QiSession
-from urbihw_nao.qi.signatures import parse
-from urbihw_nao.qi.visitors import QiVisitor
+from urbihw_nao.qimessaging.login import Login
+from urbihw_nao.qimessaging.login_guard import LoginGuard
+from urbihw_nao.qimessaging.metaobject import MetaObject
+from urbihw_nao.qimessaging.serving import ObjectServer, ServedMethod, ServedObject
+from urbihw_nao.qimessaging.session import QiCall, QiService, QiSession
+from urbihw_nao.qimessaging.signatures import parse
+from urbihw_nao.qimessaging.visitors import QiVisitor
 
 DIRECTORY: Final = "ServiceDirectory"
 LOOPBACK: Final = "127.0.0.1"
