@@ -89,8 +89,8 @@ deb:
 	@ls build/deb/*.deb
 
 clean:
-	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache build dist *.egg-info
-	find urbihw fakes tests bench -name __pycache__ -prune -exec rm -rf {} +
+	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache build dist *.egg-info packages/*/*.egg-info packages/*/build
+	find urbihw fakes packages tests bench -name __pycache__ -prune -exec rm -rf {} +
 
 .venv/made:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
@@ -101,14 +101,14 @@ clean:
 	@touch $@
 
 # The project is installed in place: an edited file needs no new installation, an edited pyproject.toml does.
-.venv/installed: .venv/made pyproject.toml
-	$(PIP) -e '.[all]'
+.venv/installed: .venv/made pyproject.toml packages/nao/pyproject.toml
+	$(PIP) -e '.[all]' -e packages/nao
 	@touch $@
 
 .venv/installed-mujoco: .venv/installed
 	$(PIP) -e '.[mujoco]'
 	@touch $@
 
-.venv/installed-dev: .venv/made pyproject.toml
-	$(PIP) -e '.[dev]'
+.venv/installed-dev: .venv/made pyproject.toml packages/nao/pyproject.toml
+	$(PIP) -e '.[dev]' -e 'packages/nao[libqi]'
 	@touch .venv/installed .venv/installed-mujoco $@

@@ -22,9 +22,9 @@ from collections.abc import Callable, Iterator
 from bench.quick import add_quick
 from urbihw import buses
 from urbihw.buses.messages import Configure, Found, Request, Samples, Targets
-from urbihw.platforms.nao.camera_part import CAMERA, FILM
-from urbihw.platforms.nao.driver import NaoDriver
-from urbihw.platforms.nao.pictures import JPEG, CameraMode
+from urbihw_nao.camera_part import CAMERA, FILM
+from urbihw_nao.driver import NaoDriver
+from urbihw_nao.pictures import JPEG, CameraMode
 
 RATES = (50.0, 100.0)
 PICTURE_RATES = (10.0, 30.0)

@@ -26,8 +26,9 @@ from pathlib import Path
 
 from lang.transcript import Unit, compare, read, unstamped
 
-PLATFORMS = Path(__file__).resolve().parents[1] / "urbihw" / "platforms"
-WORLDS = ("", "servo", *sorted(path.parent.name for path in PLATFORMS.glob("*/platform.toml")))
+from urbihw import platforms
+
+WORLDS = ("", "servo", *(folder.name for folder in platforms.folders()))
 
 _BLOCK = re.compile(r"^```urbiscript *(\w*) *(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _FENCE = re.compile(r"^```urbiscript\b", re.MULTILINE)

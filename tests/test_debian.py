@@ -23,6 +23,7 @@ from urbihw.extras import _DEBIAN, DEBIAN_FOLDER, install_command
 ROOT = Path(__file__).resolve().parents[1]
 DEBIAN = ROOT / "debian"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+WHEELS = [tomllib.loads(path.read_text()) for path in sorted(ROOT.glob("packages/*/pyproject.toml"))]
 CONTROL = (DEBIAN / "control").read_text()
 
 NAMES = {"pyserial": "python3-serial", "lark": "python3-lark", "greenlet": "python3-greenlet", "pyusb": "python3-usb"}
@@ -57,7 +58,16 @@ def field(name: str) -> str:
 def test_the_version_is_that_of_a_copy_without_git() -> None:
     version = re.match(r"urbihw \(([^)]+)\)", (DEBIAN / "changelog").read_text())
     assert version is not None
-    assert version[1] == PROJECT["tool"]["setuptools_scm"]["fallback_version"]
+    for project in (PROJECT, *WHEELS):
+        assert version[1] == project["tool"]["setuptools_scm"]["fallback_version"]
+
+
+def test_the_wheels_beside_urbihw_are_in_the_package_and_need_nothing_else() -> None:
+    rules = (DEBIAN / "rules").read_text()
+    assert [project["project"]["name"] for project in WHEELS] == ["urbihw-nao"]
+    for step in ("build", "install", "clean"):
+        assert f"dh_auto_{step} $(NAO_SOURCES)" in rules
+    assert all(project["project"]["dependencies"] == ["urbihw"] for project in WHEELS)
 
 
 def test_the_dependencies_are_those_of_the_project_and_those_of_usb() -> None:
@@ -155,7 +165,8 @@ def test_the_package_is_built_and_lintian_finds_nothing(tmp_path: Path) -> None:
     (package,) = (tree / "build" / "deb").glob("urbihw_*.deb")
     listed = subprocess.run(("dpkg-deb", "-c", str(package)), capture_output=True, text=True, check=True).stdout
     for path in ("bin/urbihw", "urbihw/share/urbihw.toml", "system/urbihw@.service", "sysusers.d/urbihw.conf",
-                 "man1/urbihw-serve.1.gz", "zsh/vendor-completions/_urbihw", "urbihw_fakes/__main__.py"):
+                 "man1/urbihw-serve.1.gz", "zsh/vendor-completions/_urbihw", "urbihw_fakes/__main__.py",
+                 "urbihw_nao/platform.toml"):
         assert path in listed
     if shutil.which("lintian"):
         found = subprocess.run(("lintian", "--allow-root", str(package)), capture_output=True, text=True, check=False)

@@ -18,27 +18,28 @@ from lang.transcript import Player
 from urbihw.kernel.lobby.lobby import Lobby
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "urbihw").rglob("*.md")])
+PAGES = sorted(
+    [*ROOT.glob("*.md"), *(page for folder in ("docs", "urbihw", "packages") for page in (ROOT / folder).rglob("*.md"))]
+)
 
 _NAME = re.compile(r"[A-Za-z0-9_-]+")
 _LINK = re.compile(r"\]\(([^)#\s]+)(?:#[^)]*)?\)")
-_PATH = re.compile(r"`((?:urbihw|fakes|tests|docs|bench|share)/[\w./-]+)`")
+_PATH = re.compile(r"`((?:urbihw|fakes|packages|tests|docs|bench|share)/[\w./-]+)`")
 _KINDS = ("added", "changed", "fixed", "removed")
 
 
 def requirements() -> dict[str, str]:
-    """Every package that pyproject.toml names, with its range."""
-    whole = tomllib.loads((ROOT / "pyproject.toml").read_text())
-    project = whole["project"]
-    extras = [row for extra in project["optional-dependencies"].values() for row in extra]
-    named = [*whole["build-system"]["requires"], *project["dependencies"], *extras]
+    """Every package that a pyproject.toml names, with its range."""
     found = {}
-    for row in named:
-        name = _NAME.match(row)
-        assert name is not None, row
-        if name[0] == project["name"]:  # an extra made of other extras
-            continue
-        found[name[0]] = row[name.end() :]
+    for file in (ROOT / "pyproject.toml", *ROOT.glob("packages/*/pyproject.toml")):
+        whole = tomllib.loads(file.read_text())
+        project = whole["project"]
+        extras = [row for extra in project["optional-dependencies"].values() for row in extra]
+        for row in (*whole["build-system"]["requires"], *project["dependencies"], *extras):
+            name = _NAME.match(row)
+            assert name is not None, row
+            if name[0] != "urbihw":  # an extra made of other extras, or a wheel beside urbihw
+                found[name[0]] = row[name.end() :]
     return found
 
 

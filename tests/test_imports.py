@@ -14,6 +14,11 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 
+ROOTS = (
+    (".", "urbihw"), ("fakes", "urbihw_fakes"), ("packages/nao", "urbihw_nao"), ("packages/nao", "urbihw_nao_fakes"),
+)  # fmt: skip
+"""Folder and package of all sources of the product."""
+
 ROBOT = "urbihw.platforms.*"
 """Stands for the package of one robot; each is an area of its own."""
 
@@ -168,6 +173,15 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.platforms.speaker", "urbihw.platforms.sound", "urbihw.platforms.words", "urbihw.platforms.servos",
         "urbihw.platforms.teach", "urbihw.platforms.scene", "urbihw.navigation",
     ),  # fmt: skip
+    # The Nao, a wheel of its own: its wire protocol is that of a bus, its platform that of a robot.
+    "urbihw_nao.qimessaging": ("urbihw.buses", "urbihw.settings", "urbihw.extras"),
+    "urbihw_nao": (
+        "urbihw_nao.qimessaging", "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.extras",
+        "urbihw.platforms.base", "urbihw.platforms.channel", "urbihw.platforms.devicelog", "urbihw.platforms.hooks",
+        "urbihw.platforms.limits", "urbihw.platforms.measured", "urbihw.platforms.speaker",
+        "urbihw.platforms.streamed", "urbihw.platforms.teach", "urbihw.platforms.words",
+    ),  # fmt: skip
+    "urbihw_nao_fakes": ("urbihw_fakes",),
     # The ways in.  "urbihw.kernel" alone is its door, Kernel; "urbihw.platforms" alone is the loader.
     "urbihw.daemon": (
         "urbihw.kernel",
@@ -264,7 +278,8 @@ NOT_FOR_BYTES = ("socket", "serial", "time", "asyncio", "threading", "select", "
 def modules(root: Path) -> dict[str, Path]:
     """Every module of the product by its dotted name."""
     found = {}
-    for folder, top in ((root, "urbihw"), (root / "fakes", "urbihw_fakes")):
+    for base, top in ROOTS:
+        folder = root / base
         for path in sorted((folder / top).rglob("*.py")):
             parts = path.relative_to(folder).with_suffix("").parts
             found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
@@ -318,7 +333,7 @@ def offences(root: Path) -> list[str]:
             library = target.partition(".")[0]
             if target.startswith("."):
                 found.append(f"{where}: imports are absolute")
-            elif library in ("urbihw", "urbihw_fakes"):
+            elif library in (top for _, top in ROOTS):
                 if not allowed(own, area(target, known)):
                     found.append(where)
             elif library in LIBRARIES and own != LIBRARIES[library]:
@@ -384,6 +399,9 @@ BROKEN = [
     ("urbihw/daemon/a.py", "from urbihw.platforms.bioloid import devices", "urbihw.platforms.bioloid"),
     ("urbihw/daemon/a.py", "from urbihw.kernel.runtime import world", "urbihw.kernel.runtime"),
     ("fakes/urbihw_fakes/a.py", "from urbihw.buses import link", "urbihw.buses"),
+    ("urbihw/daemon/a.py", "from urbihw_nao import driver", "urbihw_nao"),
+    ("packages/nao/urbihw_nao/qimessaging/a.py", "from urbihw_nao import driver", "urbihw_nao"),
+    ("packages/nao/urbihw_nao/a.py", "from urbihw.kernel.runtime.object import Obj", "urbihw.kernel.runtime.object"),
     ("urbihw/cli/a.py", "from .main import main", ".main: imports are absolute"),
     ("urbihw/buses/a.py", "import greenlet", "greenlet: only urbihw.kernel.sched may"),
     ("urbihw/buses/packet.py", "import time", "time: bytes only, no I/O and no time"),

@@ -16,7 +16,8 @@ ALLOWED: Final[frozenset[str]] = frozenset()
 
 
 PROSE: Final = (
-    "urbihw/**/*.py", "urbihw/**/*.u", "urbihw/**/*.js", "urbihw/platforms/*/README.md", "fakes/**/*.py", "docs/*.md",
+    "urbihw/**/*.py", "urbihw/**/*.u", "urbihw/**/*.js", "urbihw/platforms/*/README.md", "fakes/**/*.py",
+    "packages/**/*.py", "packages/**/*.u", "packages/**/*.md", "docs/*.md",
     "docs/news/*", "*.md",
 )  # fmt: skip
 WORDS: Final = ("Of ", "of before", "of now", "none", "told", "hoever", "obody")
@@ -33,7 +34,8 @@ ACCENT: Final = re.compile(
 def test_each_class_of_urbihw_has_a_name_of_its_own() -> None:
     """A traceback or a log shows the class alone: it must tell the place.  ``NxtFramer`` does, ``Framer`` does not."""
     places = defaultdict(list)
-    for path in sorted((ROOT / "urbihw").rglob("*.py")):
+    folders = (ROOT / "urbihw", ROOT / "packages" / "nao" / "urbihw_nao")
+    for path in sorted(path for folder in folders for path in folder.rglob("*.py")):
         for name in CLASSES.findall(TEXTS.sub("", path.read_text("utf-8"))):
             places[name].append(str(path.relative_to(ROOT)))
     assert len(places) > 900
@@ -61,7 +63,7 @@ REFERENCE: Final = re.compile(r':\n +"""((?:See|As in|As) `{1,2}[\w.]+`{1,2}\.?)
 def test_docstrings_say_more_than_the_name() -> None:
     """Three words repeat the name: say it in a sentence, or write none.  A method inherits that of the base."""
     found = []
-    for path in sorted(path for folder in ("urbihw", "fakes") for path in (ROOT / folder).rglob("*.py")):
+    for path in sorted(path for folder in ("urbihw", "fakes", "packages") for path in (ROOT / folder).rglob("*.py")):
         text = path.read_text("utf-8")
         found += [f"{path.relative_to(ROOT)}: {words}" for words in SHORT.findall(text) + REFERENCE.findall(text)]
     assert not found, "say more, or remove the docstring:\n" + "\n".join(found)

@@ -38,10 +38,13 @@ class Requirement(NamedTuple):
     extra: str
 
 
-def install_command(*extras: str, folder: Path | None = None, prefix: Path | None = None) -> str:
+def install_command(
+    *extras: str, wheel: str = "urbihw", folder: Path | None = None, prefix: Path | None = None
+) -> str:
     """The command, as advice to the user.
 
-    ``folder`` is that of the package urbihw, ``prefix`` that of the Python environment; by default, of this process.
+    ``wheel`` is the one that has these extras.  ``folder`` is that of the package urbihw, ``prefix`` that of the Python
+    environment; by default, of this process.
     """
     folder, prefix = folder or Path(__file__).parent, prefix or Path(sys.prefix)
     if folder.is_relative_to(DEBIAN_FOLDER):
@@ -50,17 +53,17 @@ def install_command(*extras: str, folder: Path | None = None, prefix: Path | Non
             return (f"Debian has no packages for {' and '.join(lacking)}: install urbihw in an environment of its own "
                     "(docs/operations.md)")
         return f"sudo apt install {' '.join(_DEBIAN[extra] for extra in extras)}"
-    packages = " ".join(package for extra in extras for package in _requirements(extra))
+    packages = " ".join(package for extra in extras for package in _requirements(wheel, extra))
     if (prefix / "pipx_metadata.json").exists():
         return f"pipx inject urbihw {packages}"
     return f"{prefix}/bin/pip install {packages}"
 
 
-def required_packages() -> Iterator[Requirement]:
-    """All packages that the metadata of this installation name, in either of its spellings: ``lark<2,>=1.1.5`` and
+def required_packages(wheel: str = "urbihw") -> Iterator[Requirement]:
+    """All packages that the metadata of an installed wheel name, in either of its spellings: ``lark<2,>=1.1.5`` and
     ``lark (<2,>=1.1.5)``."""
     try:
-        rows = requires("urbihw") or []
+        rows = requires(wheel) or []
     except PackageNotFoundError:
         rows = []
     for row in rows:
@@ -71,7 +74,7 @@ def required_packages() -> Iterator[Requirement]:
             yield Requirement(name[0], text, extra[1] if extra else "")
 
 
-def _requirements(extra: str) -> Iterator[str]:
+def _requirements(wheel: str, extra: str) -> Iterator[str]:
     """The packages of an extra with their ranges, quoted for a shell."""
-    found = [each.text for each in required_packages() if each.extra == extra]
-    yield from (f"'{package}'" for package in found or [f"urbihw[{extra}]"])
+    found = [each.text for each in required_packages(wheel) if each.extra == extra]
+    yield from (f"'{package}'" for package in found or [f"{wheel}[{extra}]"])

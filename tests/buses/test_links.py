@@ -12,6 +12,7 @@ import threading
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import pytest
@@ -23,7 +24,7 @@ from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
 from urbihw.buses.link import Context, Link, Url, split_parameters
 from urbihw.buses.pipe import PipeEnd
 from urbihw.buses.spy import SpyLink
-from urbihw_fakes.nao.tls import Identity
+from urbihw_nao_fakes.tls import Identity
 
 
 class Peer:
@@ -257,7 +258,9 @@ def test_a_vanished_peer_is_link_gone(peer: Peer, link: Link) -> None:
 
 def test_every_row_is_covered() -> None:
     # A CAN bus moves frames, not bytes: `test_can_port` is about it; libqi has a session: `test_qi_contract`.
-    assert {*PEERS, "can", "libqi", "libqis", "mujoco", "ipc", "tcp", "webots"} == set(buses.BUSES)
+    assert {*PEERS, "can", "libqi", "libqis", "mujoco", "ipc", "tcp", "webots"} == {
+        *buses.BUSES, *(row.name for row in entry_points(group=buses.ENTRY_POINTS)),
+    }  # fmt: skip
 
 
 def test_urls() -> None:

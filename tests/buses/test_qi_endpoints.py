@@ -11,11 +11,11 @@ from urbihw.buses.clock import BusSimClock
 from urbihw.buses.errors import BadValue, LinkGone, Unavailable
 from urbihw.buses.link import Context, Link, Url
 from urbihw.buses.pipe import PipeEnd, PipeLink
-from urbihw.buses.qi.endpoints import ServicePlace
-from urbihw.buses.qi.login import Login
-from urbihw.buses.qi.wire_session import MOST_CONNECTIONS, RETRY_S, WireSession
-from urbihw_fakes.nao.device import Nao
-from urbihw_fakes.nao.services import Service, Signal, method
+from urbihw_nao.qimessaging.endpoints import ServicePlace
+from urbihw_nao.qimessaging.login import Login
+from urbihw_nao.qimessaging.wire_session import MOST_CONNECTIONS, RETRY_S, WireSession
+from urbihw_nao_fakes.device import Nao
+from urbihw_nao_fakes.services import Service, Signal, method
 
 ROBOT = "192.168.1.30"
 REFUSED_PORT = 7

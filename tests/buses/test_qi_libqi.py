@@ -10,11 +10,11 @@ import pytest
 from urbihw import buses
 from urbihw.buses.errors import BadUrl, BadValue, Unavailable
 from urbihw.buses.link import Context, byte_link
-from urbihw.buses.qi.libqi import LibqiPort
-from urbihw.buses.qi.libqi_values import from_libqi, to_libqi
-from urbihw.buses.qi.opening import open_session
-from urbihw.buses.qi.signatures import parse
 from urbihw.extras import install_command
+from urbihw_nao.qimessaging.libqi import LibqiPort
+from urbihw_nao.qimessaging.libqi_values import from_libqi, to_libqi
+from urbihw_nao.qimessaging.opening import open_session
+from urbihw_nao.qimessaging.signatures import parse
 
 
 @pytest.mark.parametrize("scheme", ["libqi", "libqis"])
@@ -24,7 +24,7 @@ def test_a_missing_package_is_named_with_its_extra(scheme: str, monkeypatch: pyt
         buses.open(f"{scheme}://127.0.0.1")
     assert str(error.value) == (
         f"{scheme}:// needs the Python package qi (for x86-64 Linux and Python up to 3.12 only): "
-        f"{install_command('libqi')}; qi:// needs no package"
+        f"{install_command('libqi', wheel='urbihw-nao')}; qi:// needs no package"
     )
 
 

@@ -13,11 +13,11 @@ from urbihw.buses.clock import BusSimClock
 from urbihw.buses.errors import Unavailable
 from urbihw.buses.link import Context, Url
 from urbihw.buses.pipe import PipeEnd, PipeLink
-from urbihw.buses.qi import frames as f
-from urbihw.buses.qi.login import AUTH_CONTINUE, AUTH_DONE, AUTH_ERROR, AUTH_STATE, NEW_TOKEN, Login
-from urbihw.buses.qi.opening import open_session
-from urbihw.buses.qi.session import QiSession
-from urbihw.buses.qi.values import decode, encode
+from urbihw_nao.qimessaging import frames as f
+from urbihw_nao.qimessaging.login import AUTH_CONTINUE, AUTH_DONE, AUTH_ERROR, AUTH_STATE, NEW_TOKEN, Login
+from urbihw_nao.qimessaging.opening import open_session
+from urbihw_nao.qimessaging.session import QiSession
+from urbihw_nao.qimessaging.values import decode, encode
 
 
 class Stranger:

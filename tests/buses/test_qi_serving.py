@@ -10,8 +10,8 @@ import pytest
 
 from urbihw.buses.errors import BadFrame, BadValue, Unavailable
 from urbihw.buses.listening import IDLE_S, MOST_UNREAD, MOST_VISITORS, BusListener
-from urbihw.buses.qi import frames as f
-from urbihw.buses.qi.call_limits import (
+from urbihw_nao.qimessaging import frames as f
+from urbihw_nao.qimessaging.call_limits import (
     CALL_BURST,
     CALLS_A_SECOND,
     DEEPEST,
@@ -20,11 +20,11 @@ from urbihw.buses.qi.call_limits import (
     TokenBucket,
     check_arguments,
 )
-from urbihw.buses.qi.login import Login
-from urbihw.buses.qi.login_guard import MOST_ADDRESSES, WRONG_LOGINS, LoginGuard
-from urbihw.buses.qi.metaobject import MetaObject
-from urbihw.buses.qi.metatype import META_OBJECT
-from urbihw.buses.qi.serving import (
+from urbihw_nao.qimessaging.login import Login
+from urbihw_nao.qimessaging.login_guard import MOST_ADDRESSES, WRONG_LOGINS, LoginGuard
+from urbihw_nao.qimessaging.metaobject import MetaObject
+from urbihw_nao.qimessaging.metatype import META_OBJECT
+from urbihw_nao.qimessaging.serving import (
     CALL_TIMEOUT_S,
     LONGEST_ERROR,
     MOST_CALLS,
@@ -34,8 +34,8 @@ from urbihw.buses.qi.serving import (
     ServedMethod,
     ServedObject,
 )
-from urbihw.buses.qi.values import decode, encode
-from urbihw.buses.qi.visitors import LARGEST, LARGEST_LOGIN, LOGIN_TIMEOUT_S, QiVisitor
+from urbihw_nao.qimessaging.values import decode, encode
+from urbihw_nao.qimessaging.visitors import LARGEST, LARGEST_LOGIN, LOGIN_TIMEOUT_S, QiVisitor
 
 NUMBER = 7
 """The service."""

@@ -11,15 +11,15 @@ from urbihw.buses.clock import BusSimClock
 from urbihw.buses.errors import BadFrame, BadValue, LinkGone, Unavailable
 from urbihw.buses.link import Context, Url
 from urbihw.buses.pipe import PipeEnd, PipeLink
-from urbihw.buses.qi import frames as f
-from urbihw.buses.qi.endpoints import ServicePlace
-from urbihw.buses.qi.login import Login
-from urbihw.buses.qi.metaobject import MetaObject
-from urbihw.buses.qi.opening import open_session
-from urbihw.buses.qi.session import first_line
-from urbihw.buses.qi.values import encode
-from urbihw.buses.qi.wire_session import GET_META_OBJECT
-from urbihw_fakes.nao.device import Nao
+from urbihw_nao.qimessaging import frames as f
+from urbihw_nao.qimessaging.endpoints import ServicePlace
+from urbihw_nao.qimessaging.login import Login
+from urbihw_nao.qimessaging.metaobject import MetaObject
+from urbihw_nao.qimessaging.opening import open_session
+from urbihw_nao.qimessaging.session import first_line
+from urbihw_nao.qimessaging.values import encode
+from urbihw_nao.qimessaging.wire_session import GET_META_OBJECT
+from urbihw_nao_fakes.device import Nao
 
 
 class Rig:

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from urbihw.buses.errors import BadFrame, BadValue
-from urbihw.buses.qi import frames as f
-from urbihw.buses.qi.metatype import META_OBJECT
-from urbihw.buses.qi.signatures import parse
-from urbihw.buses.qi.values import decode, encode, signature_of
+from urbihw_nao.qimessaging import frames as f
+from urbihw_nao.qimessaging.metatype import META_OBJECT
+from urbihw_nao.qimessaging.signatures import parse
+from urbihw_nao.qimessaging.values import decode, encode, signature_of
 
 VECTORS: list[tuple[str, Any, str]] = [
     ("b", True, "01"),

@@ -12,9 +12,9 @@ import urbihw_fakes
 from urbihw import platforms
 from urbihw.buses.capture import capture_line, read_capture
 from urbihw.buses.errors import BadFrame
-from urbihw.buses.qi.frames import CALL, ERROR, QiMessage
 from urbihw.buses.servos import packet
 from urbihw.buses.trace import Chunk, Direction, TraceDecoder, TracedPacket
+from urbihw_nao.qimessaging.frames import CALL, ERROR, QiMessage
 
 CAPTURES = Path(urbihw_fakes.__file__).parent / "captures"
 TRACED = [folder.name for folder in platforms.folders() if platforms.read(folder).trace]

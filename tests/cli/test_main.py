@@ -102,7 +102,7 @@ def test_doctor_tells_missing_packages() -> None:
     def none(name: str) -> str:
         raise PackageNotFoundError(name)
 
-    found = list(doctor.packages(none))
+    found = list(doctor.packages(none, "urbihw"))
     assert ReportLine("bad", "lark is missing: pip install lark") in found
     assert not any("pytest" in finding.text for finding in found)
 

@@ -85,7 +85,7 @@ def test_a_tree_that_cannot_be_written(tree: Path, capsys: Capture, monkeypatch:
 def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The sources, with platforms whose names are sorted and broken differently among the imports."""
     folder = tmp_path_factory.mktemp("clone")
-    for part in ("urbihw", "fakes", "tests", "docs", "bench"):
+    for part in ("urbihw", "fakes", "packages", "tests", "docs", "bench"):
         shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
     for file in ("pyproject.toml", "README.md"):
         shutil.copy(ROOT / file, folder)

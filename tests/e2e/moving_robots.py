@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import urbihw.platforms.nao
+import urbihw_nao
 from urbihw_fakes.bioloid import Bioloid
 from urbihw_fakes.can.device import CanDevice
 from urbihw_fakes.can.slcan import Slcan
@@ -16,8 +16,6 @@ from urbihw_fakes.can.slcan_pty import SlcanPty
 from urbihw_fakes.cia402.node import Drive
 from urbihw_fakes.dynamixel.ax12 import DEGREES
 from urbihw_fakes.endpoint import PtyEndpoint
-from urbihw_fakes.nao.device import Nao
-from urbihw_fakes.nao.endpoint import NaoEndpoint
 from urbihw_fakes.nxt.stream import NxtDevice
 from urbihw_fakes.nxt.tribot import TriBot
 from urbihw_fakes.nxt.usb_endpoint import UsbEndpoint
@@ -29,10 +27,12 @@ from urbihw_fakes.segway.usb import UsbLink
 from urbihw_fakes.serving import Endpoint
 from urbihw_fakes.spykee.device import Spykee
 from urbihw_fakes.spykee.endpoint import SpykeeEndpoint
+from urbihw_nao_fakes.device import Nao
+from urbihw_nao_fakes.endpoint import NaoEndpoint
 
 Look = Callable[[], float]
 
-NAO_WATCHDOG = Path(urbihw.platforms.nao.__path__[0]) / "watchdog.py"
+NAO_WATCHDOG = Path(urbihw_nao.__path__[0]) / "watchdog.py"
 
 
 @dataclass(frozen=True)

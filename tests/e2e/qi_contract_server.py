@@ -6,9 +6,9 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from urbihw_fakes.nao.device import Nao
-from urbihw_fakes.nao.endpoint import NaoEndpoint
-from urbihw_fakes.nao.services import Failed, Later, Property, Service, Signal, method
+from urbihw_nao_fakes.device import Nao
+from urbihw_nao_fakes.endpoint import NaoEndpoint
+from urbihw_nao_fakes.services import Failed, Later, Property, Service, Signal, method
 
 
 class Contract(Service):
@@ -102,7 +102,7 @@ def main(kind: str) -> None:
     robot.server.add_service(Contract(robot.read_clock))
     end: Any
     if kind == "libqi":
-        from urbihw_fakes.nao.libqi import LibqiEndpoint
+        from urbihw_nao_fakes.libqi import LibqiEndpoint
 
         end = LibqiEndpoint(robot)
     else:

@@ -15,8 +15,8 @@ from typing import Any
 import pytest
 from faults_lab import wait_for
 
-from urbihw_fakes.nao.device import Nao
-from urbihw_fakes.nao.endpoint import NaoEndpoint
+from urbihw_nao_fakes.device import Nao
+from urbihw_nao_fakes.endpoint import NaoEndpoint
 
 if importlib.util.find_spec("qi") is None:
     pytest.skip("libqi is not there", allow_module_level=True)

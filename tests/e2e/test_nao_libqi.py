@@ -30,9 +30,9 @@ from urbihw.buses.messages import (
     Targets,
 )
 from urbihw.buses.worker import Worker
-from urbihw.platforms.nao.driver import NaoDriver
-from urbihw_fakes.nao.device import Nao
-from urbihw_fakes.nao.endpoint import NaoEndpoint
+from urbihw_nao.driver import NaoDriver
+from urbihw_nao_fakes.device import Nao
+from urbihw_nao_fakes.endpoint import NaoEndpoint
 
 if importlib.util.find_spec("qi") is None:
     pytest.skip("libqi is not there", allow_module_level=True)
@@ -190,7 +190,7 @@ def test_a_service_in_another_process_is_called_at_its_own_end_point(rig: Rig, r
 @pytest.mark.long
 def test_a_worker_of_its_own_with_libqi(robot: Robot) -> None:
     told: list[FromWorker] = []
-    family = "urbihw.platforms.nao.driver:NaoDriver"
+    family = "urbihw_nao.driver:NaoDriver"
     with Worker.start(f"libqi://{robot.address}", post=told.append, family=family) as worker:
         end = time.monotonic() + WITHIN_S
         while not any(isinstance(each, LinkState) and each.up for each in told):
@@ -203,7 +203,7 @@ def test_a_worker_of_its_own_with_libqi(robot: Robot) -> None:
 @pytest.mark.parametrize("scheme", ["qi", "libqi"])
 def test_a_robot_that_goes_and_comes_back(robot: Robot, scheme: str) -> None:
     told: list[FromWorker] = []
-    family = "urbihw.platforms.nao.driver:NaoDriver"
+    family = "urbihw_nao.driver:NaoDriver"
 
     def wait_for(up: bool) -> None:
         end = time.monotonic() + WITHIN_S

@@ -14,9 +14,9 @@ from pathlib import Path
 import pytest
 from test_serve import Daemon, until
 
-from urbihw_fakes.nao.device import Nao
-from urbihw_fakes.nao.endpoint import NaoEndpoint
-from urbihw_fakes.nao.tls import Identity
+from urbihw_nao_fakes.device import Nao
+from urbihw_nao_fakes.endpoint import NaoEndpoint
+from urbihw_nao_fakes.tls import Identity
 
 pytestmark = pytest.mark.e2e
 

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 from test_serve import Client, Daemon, until
 
-from urbihw_fakes.nao.device import Nao
-from urbihw_fakes.nao.endpoint import NaoEndpoint
+from urbihw_nao_fakes.device import Nao
+from urbihw_nao_fakes.endpoint import NaoEndpoint
 
 pytestmark = pytest.mark.e2e
 

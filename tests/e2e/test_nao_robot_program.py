@@ -18,9 +18,9 @@ import pytest
 from faults_lab import Client, Daemon, wait_for
 from moving_robots import NAO_WATCHDOG
 
-from urbihw.platforms.nao.watchdog import VERSION
-from urbihw_fakes.nao.device import Nao
-from urbihw_fakes.nao.endpoint import NaoEndpoint
+from urbihw_nao.watchdog import VERSION
+from urbihw_nao_fakes.device import Nao
+from urbihw_nao_fakes.endpoint import NaoEndpoint
 
 if importlib.util.find_spec("qi") is None:
     pytest.skip("libqi is not there", allow_module_level=True)

@@ -19,8 +19,8 @@ import pytest
 
 from urbihw import buses
 from urbihw.buses.errors import BadValue, LinkGone, Unavailable
-from urbihw.buses.qi.opening import open_session
-from urbihw.buses.qi.session import QiCall, QiSession
+from urbihw_nao.qimessaging.opening import open_session
+from urbihw_nao.qimessaging.session import QiCall, QiSession
 
 pytestmark = pytest.mark.e2e
 SERVER = Path(__file__).parent / "qi_contract_server.py"

@@ -14,14 +14,14 @@ import pytest
 from urbihw import buses
 from urbihw.buses.errors import BadUrl, LinkGone, Unavailable
 from urbihw.buses.messages import Configure, Refused
-from urbihw.buses.qi.login import Login
-from urbihw.buses.qi.opening import open_session
-from urbihw.buses.qi.session import QiSession
-from urbihw.platforms.nao.driver import NaoDriver
-from urbihw_fakes.nao.device import Nao
-from urbihw_fakes.nao.endpoint import NaoEndpoint
-from urbihw_fakes.nao.services import Service, method
-from urbihw_fakes.nao.tls import Identity
+from urbihw_nao.driver import NaoDriver
+from urbihw_nao.qimessaging.login import Login
+from urbihw_nao.qimessaging.opening import open_session
+from urbihw_nao.qimessaging.session import QiSession
+from urbihw_nao_fakes.device import Nao
+from urbihw_nao_fakes.endpoint import NaoEndpoint
+from urbihw_nao_fakes.services import Service, method
+from urbihw_nao_fakes.tls import Identity
 
 pytestmark = pytest.mark.e2e
 LIBQI = importlib.util.find_spec("qi") is not None

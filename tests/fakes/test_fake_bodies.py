@@ -18,7 +18,6 @@ from urbihw_fakes.bodies import humanoid, simulation
 from urbihw_fakes.bodies.balance import BalancingBody
 from urbihw_fakes.bodies.eye import Eye, choose_drawing
 from urbihw_fakes.bodies.humanoid import READY, Humanoid
-from urbihw_fakes.bodies.legged import LeggedBody
 from urbihw_fakes.bodies.pioneer import SimulatedBody
 from urbihw_fakes.bodies.tracked import TrackedBody
 from urbihw_fakes.bodies.tribot import SimulatedTriBot
@@ -30,6 +29,7 @@ from urbihw_fakes.nxt.console import commands
 from urbihw_fakes.nxt.stream import NxtDevice
 from urbihw_fakes.p3dx.kit import P3dx
 from urbihw_fakes.p3dx.world import World
+from urbihw_nao_fakes.legged import LeggedBody
 
 # How it draws is chosen before it is imported.
 DRAWS = choose_drawing()

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from urbihw_fakes.bodies.legged import LeggedBody
 from urbihw_fakes.errors import UnknownRequest
-from urbihw_fakes.nao.console import commands, in_world
-from urbihw_fakes.nao.device import Nao
+from urbihw_nao_fakes.console import commands, in_world
+from urbihw_nao_fakes.device import Nao
+from urbihw_nao_fakes.legged import LeggedBody
 
 pytest.importorskip("mujoco", reason="simulated worlds need the extra mujoco")
 

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from urbihw_fakes.nao import codec
-from urbihw_fakes.nao.connection import Connection
-from urbihw_fakes.nao.device import Nao
-from urbihw_fakes.nao.services import Failed
+from urbihw_nao_fakes import codec
+from urbihw_nao_fakes.connection import Connection
+from urbihw_nao_fakes.device import Nao
+from urbihw_nao_fakes.services import Failed
 
 META_OF_ADDER: Any = ({
     100: (100, "i", "add", "(ii)", "", [], ""),

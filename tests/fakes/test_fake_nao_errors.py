@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from urbihw_fakes.nao import codec
-from urbihw_fakes.nao.body import Body
-from urbihw_fakes.nao.connection import Connection
-from urbihw_fakes.nao.device import Nao
-from urbihw_fakes.nao.services import Method, Service
+from urbihw_nao_fakes import codec
+from urbihw_nao_fakes.body import Body
+from urbihw_nao_fakes.connection import Connection
+from urbihw_nao_fakes.device import Nao
+from urbihw_nao_fakes.services import Method, Service
 
 NUMBERS = "fdiIlLwWcC"
 ODD: tuple[Any, ...] = (

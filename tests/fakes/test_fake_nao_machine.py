@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from urbihw_fakes.nao.device import Nao
-from urbihw_fakes.nao.endpoint import NaoEndpoint
-from urbihw_fakes.nao.machine import find_machine_id
+from urbihw_nao_fakes.device import Nao
+from urbihw_nao_fakes.endpoint import NaoEndpoint
+from urbihw_nao_fakes.machine import find_machine_id
 
 FILE = Path(".config/qimessaging/machine_id")
 

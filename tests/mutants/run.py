@@ -21,7 +21,7 @@ from typing import Final
 
 from .table import ROOT, Mutant, load, problems
 
-PARTS: Final = ("urbihw", "fakes", "tests", "bench", "docs")
+PARTS: Final = ("urbihw", "fakes", "packages", "tests", "bench", "docs")
 FILES: Final = ("pyproject.toml", "README.md", "CONTRIBUTING.md", "Makefile")
 MAX_ALIVE: Final = 0.05
 """Share of the sabotages that may stay alive."""
@@ -41,7 +41,7 @@ def copy_tree(to: Path) -> None:
 
 def run_tests(tree: Path, tests: Sequence[str], timeout: float) -> tuple[int, str]:
     """Run tests until the first one fails: the exit code of pytest, or ``HUNG``; and the last lines that it wrote."""
-    paths = os.pathsep.join((str(tree), str(tree / "fakes")))
+    paths = os.pathsep.join((str(tree), str(tree / "fakes"), str(tree / "packages/nao")))
     environment = {**os.environ, "PYTHONPATH": paths, "XDG_CACHE_HOME": str(tree / "cache")}
     command = (sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests)
     try:

@@ -6,7 +6,7 @@ import socket
 from collections.abc import Callable
 from typing import Any, Self
 
-from urbihw_fakes.nao import codec
+from urbihw_nao_fakes import codec
 
 MAIN_OBJECT, META_OBJECT, AUTHENTICATE = 1, 2, 8
 

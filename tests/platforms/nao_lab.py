@@ -13,14 +13,14 @@ from slot_units import BATTERY, BUS, BUTTON, GAINS, MOBILE, PICTURE, Units, Unit
 
 from urbihw.buses.link import Context
 from urbihw.buses.pipe import PipeEnd
-from urbihw.platforms.nao.robot import Nao as NaoRobot
 from urbihw_fakes.console import Console
 from urbihw_fakes.device import Answer
-from urbihw_fakes.nao.behaviours import Behaviours
-from urbihw_fakes.nao.body import Body
-from urbihw_fakes.nao.connection import Connection
-from urbihw_fakes.nao.console import commands
-from urbihw_fakes.nao.device import Nao
+from urbihw_nao.robot import Nao as NaoRobot
+from urbihw_nao_fakes.behaviours import Behaviours
+from urbihw_nao_fakes.body import Body
+from urbihw_nao_fakes.connection import Connection
+from urbihw_nao_fakes.console import commands
+from urbihw_nao_fakes.device import Nao
 
 
 class Door(PipeEnd):

@@ -7,10 +7,10 @@ from typing import Any, Self
 from driver_rig import DriverRig
 
 from urbihw.buses.messages import Reply
-from urbihw.buses.qi.frames import CALL, POST, QiFramer
-from urbihw.platforms.nao.driver import NaoDriver
-from urbihw_fakes.nao.body import Body
-from urbihw_fakes.nao.device import Nao
+from urbihw_nao.driver import NaoDriver
+from urbihw_nao.qimessaging.frames import CALL, POST, QiFramer
+from urbihw_nao_fakes.body import Body
+from urbihw_nao_fakes.device import Nao
 
 TICK = DriverRig.tick
 

@@ -15,12 +15,12 @@ from urbihw.cli.pictures import PictureFile as ShownPicture
 from urbihw.client.lines import Binary
 from urbihw.extras import install_command
 from urbihw.kernel.uobject import UImage
-from urbihw.platforms.nao import camera, pictures
-from urbihw.platforms.nao.camera_part import PICTURE_TIMEOUT_S, RETRY_S
-from urbihw.platforms.nao.pictures import CameraMode, read_picture
 from urbihw.platforms.streamed import LINGER_S
-from urbihw_fakes.nao.device import Nao
-from urbihw_fakes.nao.video import HALF_ANGLE, HEIGHTS, TILTS
+from urbihw_nao import camera, pictures
+from urbihw_nao.camera_part import PICTURE_TIMEOUT_S, RETRY_S
+from urbihw_nao.pictures import CameraMode, read_picture
+from urbihw_nao_fakes.device import Nao
+from urbihw_nao_fakes.video import HALF_ANGLE, HEIGHTS, TILTS
 
 COLOURS = {"red": (200, 30, 30), "green": (30, 160, 30), "blue": (30, 30, 200), "yellow": (210, 200, 30)}
 WALLS = {"red": (0.0, 3.0), "green": (math.pi / 2, 2.5), "blue": (math.pi, 3.0), "yellow": (-math.pi / 2, 2.5)}

@@ -14,12 +14,12 @@ from nao_rig import TICK, Rig
 
 from urbihw.buses.messages import Refused, Reply, Request, Targets
 from urbihw.kernel.uobject import RobotSettings
-from urbihw.platforms.nao import motor_trace
-from urbihw.platforms.nao.dcm_clock import WRAP, DcmClock
-from urbihw.platforms.nao.dcm_course import JointCourse
-from urbihw_fakes.nao.body import Joint
-from urbihw_fakes.nao.dcm import Dcm
-from urbihw_fakes.nao.device import Nao
+from urbihw_nao import motor_trace
+from urbihw_nao.dcm_clock import WRAP, DcmClock
+from urbihw_nao.dcm_course import JointCourse
+from urbihw_nao_fakes.body import Joint
+from urbihw_nao_fakes.dcm import Dcm
+from urbihw_nao_fakes.device import Nao
 
 SHIFT = 0.05
 PERIOD = 0.01

@@ -10,9 +10,9 @@ from nao_rig import TICK, Rig
 
 from urbihw.buses.errors import LinkGone, Unavailable
 from urbihw.buses.messages import Configure, DeviceReport, DeviceState, Found, Refused, Reply, Request, Samples, Targets
-from urbihw.platforms.nao.exchange import CYCLE_TIMEOUT_S
-from urbihw.platforms.nao.sense_part import SLOW_CYCLES
-from urbihw_fakes.nao.device import Nao
+from urbihw_nao.exchange import CYCLE_TIMEOUT_S
+from urbihw_nao.sense_part import SLOW_CYCLES
+from urbihw_nao_fakes.device import Nao
 
 
 def test_what_is_found() -> None:

@@ -12,13 +12,13 @@ import pytest
 from nao_caller import Plug
 from nao_lab import Lab
 
-from urbihw.buses.qi.login import Login
-from urbihw.buses.qi.login_guard import LoginGuard
-from urbihw.platforms.nao.http_request import LARGEST
-from urbihw.platforms.nao.http_visitor import REQUEST_TIMEOUT_S, HttpVisitor, find_allowed_hosts, write_value
-from urbihw.platforms.nao.literals import DEEPEST, parse_call
-from urbihw.platforms.nao.options import NaoOptions
 from urbihw.settings import BadSetting
+from urbihw_nao.http_request import LARGEST
+from urbihw_nao.http_visitor import REQUEST_TIMEOUT_S, HttpVisitor, find_allowed_hosts, write_value
+from urbihw_nao.literals import DEEPEST, parse_call
+from urbihw_nao.options import NaoOptions
+from urbihw_nao.qimessaging.login import Login
+from urbihw_nao.qimessaging.login_guard import LoginGuard
 
 MODULE = """
 var Global.mathematics = ALModule.new("mathematics")|;

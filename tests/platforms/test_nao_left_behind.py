@@ -14,12 +14,12 @@ from nao_rig import TICK, Rig
 
 from urbihw.buses.errors import LinkGone, Unavailable
 from urbihw.buses.messages import DeviceReport, Refused, Reply, Request, Targets
-from urbihw.buses.qi.frames import DYNAMIC, REPLY, QiFramer, QiMessage
-from urbihw.buses.qi.values import encode
-from urbihw.platforms.nao.call_part import BEGUN, CallPart
-from urbihw.platforms.nao.finding import BODY_ID
-from urbihw_fakes.nao.behaviours import Behaviours
-from urbihw_fakes.nao.device import Nao
+from urbihw_nao.call_part import BEGUN, CallPart
+from urbihw_nao.finding import BODY_ID
+from urbihw_nao.qimessaging.frames import DYNAMIC, REPLY, QiFramer, QiMessage
+from urbihw_nao.qimessaging.values import encode
+from urbihw_nao_fakes.behaviours import Behaviours
+from urbihw_nao_fakes.device import Nao
 
 
 def behaviours(robot: Nao) -> Behaviours:

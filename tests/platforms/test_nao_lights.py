@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from nao_lab import Lab
 
-from urbihw.platforms.nao.light_part import LIGHTS_PER_TICK
-from urbihw_fakes.nao.device import Nao
+from urbihw_nao.light_part import LIGHTS_PER_TICK
+from urbihw_nao_fakes.device import Nao
 
 
 def shown(lab: Lab, name: str) -> str:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 from nao_lab import Lab
 
-from urbihw.platforms.nao.reading import MOST_CHARACTERS, MOST_PARTS, is_bounded
-from urbihw.platforms.nao.sense_part import MOST_FOLLOWED
+from urbihw_nao.reading import MOST_CHARACTERS, MOST_PARTS, is_bounded
+from urbihw_nao.sense_part import MOST_FOLLOWED
 
 
 def replug(lab: Lab) -> None:

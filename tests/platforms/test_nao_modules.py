@@ -9,10 +9,10 @@ import pytest
 from nao_caller import QiCaller
 from nao_lab import Lab, stand
 
-from urbihw.platforms.nao.module_part import MODULE_CALL_BURST, MODULE_CALLS_A_SECOND
-from urbihw_fakes.nao import codec
-from urbihw_fakes.nao.device import Nao
-from urbihw_fakes.nao.foreign import Info
+from urbihw_nao.module_part import MODULE_CALL_BURST, MODULE_CALLS_A_SECOND
+from urbihw_nao_fakes import codec
+from urbihw_nao_fakes.device import Nao
+from urbihw_nao_fakes.foreign import Info
 
 MATHEMATICS = """
 var mathematics = ALModule.new("mathematics")|;

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from nao_lab import Lab
 
-from urbihw_fakes.nao.services import Later, Service
+from urbihw_nao_fakes.services import Later, Service
 
 
 def hold(service: Service, name: str) -> list[bool]:

@@ -13,10 +13,10 @@ import pytest
 from nao_lab import Lab
 
 from urbihw.kernel.uobject import USound
-from urbihw.platforms.nao.sound_part import AHEAD_S, PLAY_RATE
-from urbihw_fakes.nao import foreign
-from urbihw_fakes.nao.audio import AudioDevice, Tone
-from urbihw_fakes.nao.device import Nao
+from urbihw_nao.sound_part import AHEAD_S, PLAY_RATE
+from urbihw_nao_fakes import foreign
+from urbihw_nao_fakes.audio import AudioDevice, Tone
+from urbihw_nao_fakes.device import Nao
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from nao_lab import Lab, stand
 
-from urbihw_fakes.nao.device import Nao
+from urbihw_nao_fakes.device import Nao
 
 
 def replug(lab: Lab) -> None:

@@ -12,11 +12,11 @@ from nao_lab import Lab, stand
 from nao_rig import TICK, Rig
 
 from urbihw.buses.messages import Refused, Targets
-from urbihw.platforms.nao import watchdog as w
-from urbihw.platforms.nao.call_part import BEGUN
-from urbihw.platforms.nao.watchdog_part import FEED_PERIOD_S, HOLD_S
-from urbihw_fakes.nao.behaviours import Behaviours
-from urbihw_fakes.nao.device import Nao
+from urbihw_nao import watchdog as w
+from urbihw_nao.call_part import BEGUN
+from urbihw_nao.watchdog_part import FEED_PERIOD_S, HOLD_S
+from urbihw_nao_fakes.behaviours import Behaviours
+from urbihw_nao_fakes.device import Nao
 
 PROGRAM = Path(w.__file__)
 BRAKE_S = 0.4

@@ -9,7 +9,7 @@ from nao_lab import Lab, stand
 from nao_rig import Rig
 
 from urbihw.buses.messages import Refused, Reply, Request
-from urbihw_fakes.nao.device import Nao
+from urbihw_nao_fakes.device import Nao
 
 AHEAD = (0.18, 0.11, 0.40)
 """A place that the left hand reaches."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -21,7 +22,9 @@ from urbihw.cli.main import main
 from urbihw.cli.scan_ports import adapter_name
 from urbihw.kernel.uobject import BadConfig
 
-OWN = [folder.name for folder in platforms.folders() if not folder.wheel]
+ROOT = Path(__file__).resolve().parents[2]
+OTHERS = [folder.name for folder in platforms.folders()]
+"""All platforms without the toy."""
 Capture = pytest.CaptureFixture[str]
 
 
@@ -47,7 +50,7 @@ def test_it_is_found_without_its_code(capsys: Capture) -> None:
     assert (manifest.package, manifest.wheel, manifest.title) == (
         "urbihw_toy", "urbihw-toy", "Toy: a wheel on a serial line",
     )  # fmt: skip
-    assert [folder.name for folder in platforms.folders()] == sorted([*OWN, "toy"])
+    assert [folder.name for folder in platforms.folders()] == sorted([*OTHERS, "toy"])
     assert main(("platforms",)) == 0
     assert "toy        Toy: a wheel on a serial line (" in capsys.readouterr().out
     assert imported() == set()
@@ -112,9 +115,9 @@ def test_a_broken_one_is_named_and_the_others_are_there(
     assert len(rows) == 1 and line in rows[0] and "\n" not in rows[0]
     main(("platforms",))
     shown = [row.split()[0] for row in capsys.readouterr().out.splitlines()]
-    assert shown == (sorted([*OWN, "toy"]) if spoil is spoil_options else OWN)
+    assert shown == (sorted([*OTHERS, "toy"]) if spoil is spoil_options else OTHERS)
     assert main(("config", "schema")) == 0
-    assert json.loads(capsys.readouterr().out)["properties"]["platform"]["enum"] == ["", *OWN]
+    assert json.loads(capsys.readouterr().out)["properties"]["platform"]["enum"] == ["", *OTHERS]
     assert platforms.find("bioloid").wheel == ""
 
 
@@ -131,7 +134,7 @@ def test_a_package_that_it_needs_is_named(root: Path) -> None:
         platforms.load(platforms.find("toy"))
     manifest = root / "urbihw_toy" / "platform.toml"
     manifest.write_text('needs = ["stick"]\n' + manifest.read_text())
-    with pytest.raises(BadConfig, match=r"nosuchpackage: pip install 'urbihw-toy\[stick\]'"):
+    with pytest.raises(BadConfig, match=r"nosuchpackage: .*/bin/pip install 'urbihw-toy\[stick\]'"):
         platforms.load(platforms.find("toy"))
 
 
@@ -159,3 +162,12 @@ def test_a_broken_simulated_robot_is_named_and_the_others_start(root: Path) -> N
     )  # fmt: skip
     assert done.returncode == 0 and done.stdout.startswith("serial:///")
     assert done.stderr == "fakes: broken of torn: ModuleNotFoundError: No module named 'urbihw_toy.nothing'\n"
+
+
+def test_a_robot_of_these_sources_whose_wheel_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    projects = [tomllib.loads(path.read_text())["project"] for path in ROOT.glob("packages/*/pyproject.toml")]
+    wheels = {name: each["name"] for each in projects for name in each["entry-points"][platforms.ENTRY_POINTS]}
+    assert wheels == platforms.WHEELS == {"nao": "urbihw-nao"}
+    monkeypatch.setattr(platforms, "_outside_folders", lambda own: {})
+    with pytest.raises(BadConfig, match=r"platform nao is a package of its own: install urbihw-nao \(docs/"):
+        platforms.find("nao")

@@ -7,14 +7,16 @@ import shutil
 from pathlib import Path
 
 import pytest
-from doc_sessions import PLATFORMS, WORLDS, blocks, differences
+from doc_sessions import WORLDS, blocks, differences
 from lab import RobotLab
 
 from urbihw.kernel.lobby.lobby import Lobby
+from urbihw.platforms import find
 
 ROOT = Path(__file__).resolve().parents[2]
-ROBOTS = [world for world in WORLDS if (PLATFORMS / world / "platform.toml").is_file() and world]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")), *sorted((ROOT / "urbihw").rglob("*.md"))]
+ROBOTS = [world for world in WORLDS if world not in ("", "servo")]
+FOLDERS = (ROOT / "docs", ROOT / "urbihw", ROOT / "packages")
+PAGES = [ROOT / "README.md", *(page for folder in FOLDERS for page in sorted(folder.rglob("*.md")))]
 PLAYED = [(robot, page) for page in PAGES for robot in ROBOTS if any(block.world == robot for block in blocks(page))]
 
 HANDS = 2.0
@@ -49,7 +51,7 @@ class Windows:
 
 def test_the_main_page_and_each_robots_own_are_among_them() -> None:
     assert ROOT / "README.md" in [page for _, page in PLAYED]
-    assert {(robot, PLATFORMS / robot / "README.md") for robot in ROBOTS} <= set(PLAYED)
+    assert {(robot, find(robot).folder / "README.md") for robot in ROBOTS} <= set(PLAYED)
 
 
 @pytest.mark.parametrize(("robot", "page"), PLAYED, ids=[f"{robot}: {page.parent.name}" for robot, page in PLAYED])

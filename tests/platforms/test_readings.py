@@ -12,11 +12,11 @@ from urbihw.buses.can.drives import DrivesDriver
 from urbihw.buses.can.emergencies import advised
 from urbihw.buses.driver import Driver
 from urbihw.buses.readings import Reading
-from urbihw.platforms.nao.driver import NaoDriver
 from urbihw.platforms.nxt.driver import NxtDriver
 from urbihw.platforms.p3dx.driver import ArcosDriver
 from urbihw.platforms.segway.driver import RmpDriver
 from urbihw.platforms.spykee.driver import SpykeeDriver
+from urbihw_nao.driver import NaoDriver
 
 FAULT_WORD = 0x0008
 """Status word of CiA 402 in the state FAULT."""

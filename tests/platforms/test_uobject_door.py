@@ -5,10 +5,9 @@ from __future__ import annotations
 import ast
 from pathlib import Path
 
-import urbihw
-
-ROOT = Path(urbihw.__file__).parent
-FILES = [path for folder in ("platforms", "navigation") for path in sorted((ROOT / folder).rglob("*.py"))]
+ROOT = Path(__file__).resolve().parents[2]
+FOLDERS = ("urbihw/platforms", "urbihw/navigation", "packages/nao/urbihw_nao")
+FILES = [path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.py"))]
 BEHIND_THE_HOST = {"world", "registry", "observer"}
 
 

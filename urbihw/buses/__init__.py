@@ -12,13 +12,13 @@ A bus is a url; a fake robot is just one more url::
     usb://0694:0002              a USB device with a pair of bulk endpoints, by vendor and product
     can://socketcan/can0         a CAN bus, by the interfaces of python-can: see `can`
     spykee://192.168.1.20        a Spykee; without an address, the one that is found
-    qi://192.168.1.30            NAOqi on a Nao, port 9559; qis:// the same over TLS, port 9503
-    libqi://192.168.1.30         the same by the library of Aldebaran; libqis:// over TLS
     mujoco:///home/me/arm.xml    a simulated world: a MuJoCo model, a URDF, or the name of a bundled world
     ipc://1234/NAME              a robot of Webots on this machine; tcp://host:1234/NAME elsewhere
     webots://NAME                of the last Webots that was started here; without a name, the only robot
     spy:///dev/ttyUSB0           the same as without spy://, printing every byte
     pipe://name                  an in-memory pair, for tests
+
+Other packages add theirs, such as `qi://192.168.1.30` of urbihw-nao.
 """
 
 from __future__ import annotations
@@ -39,10 +39,6 @@ BUSES: Final = {
     "usb": "urbihw.buses.usb:UsbLink",
     "can": "urbihw.buses.can.port:CanPort",
     "spykee": "urbihw.platforms.spykee.link:SpykeeLink",
-    "qi": "urbihw.buses.qi.link:QiLink",
-    "qis": "urbihw.buses.qi.link:QisLink",
-    "libqi": "urbihw.buses.qi.libqi:LibqiPort",
-    "libqis": "urbihw.buses.qi.libqi:LibqisPort",
     "mujoco": "urbihw.platforms.webots.port:MujocoPort",
     "ipc": "urbihw.platforms.webots.port:WebotsPort",
     "tcp": "urbihw.platforms.webots.port:WebotsPort",

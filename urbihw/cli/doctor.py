@@ -67,8 +67,11 @@ def run(options: argparse.Namespace) -> int:
                 print(f"{finding.verdict:5} {finding.text}", flush=True)
 
     tell(python(sys.version_info[:2]))
-    tell(packages(version))
-    tell(robots(platforms.folders()))
+    tell(packages(version, "urbihw"))
+    folders = platforms.folders()
+    tell(robots(folders))
+    for wheel in sorted({folder.wheel for folder in folders if folder.wheel}):
+        tell(packages(version, wheel))
     tell(adapters(serial_ports()))
     tell(dialout(os.getgroups()))
     tell(check_machine())
@@ -120,16 +123,17 @@ def python(found: tuple[int, int]) -> Iterable[ReportLine]:
         yield ReportLine("bad", f"Python {shown}: install 3.11 or later")
 
 
-def packages(version_of: Callable[[str], str]) -> Iterable[ReportLine]:
-    """Check which required packages and which extras are installed."""
-    for name, _, extra in required_packages():
+def packages(version_of: Callable[[str], str], wheel: str) -> Iterable[ReportLine]:
+    """Check which required packages and which extras of a wheel are installed."""
+    for name, _, extra in required_packages(wheel):
         if extra in ("dev", "all"):
             continue
         try:
             yield ReportLine("ok", f"{name} {version_of(name)}")
         except PackageNotFoundError:
             if extra:
-                yield ReportLine("note", f"{name} is not installed; for what needs it: {install_command(extra)}")
+                how = install_command(extra, wheel=wheel)
+                yield ReportLine("note", f"{name} is not installed; for what needs it: {how}")
             else:
                 yield ReportLine("bad", f"{name} is missing: pip install {name}")
 

@@ -40,6 +40,10 @@ ENTRY_POINTS: Final = "urbihw.platforms"
 """Group under which other packages name their platforms: name = platform, value = the package with its manifest."""
 
 
+WHEELS: Final = {"nao": "urbihw-nao"}
+"""Platforms that are packages of their own in the sources of urbihw (``packages``)."""
+
+
 def folders(root: Path | None = None) -> list[PlatformFolder]:
     """All platforms, in order of their names: those of this package, or of ``root``, and those of other packages."""
     own = _own_folders(root)
@@ -83,6 +87,8 @@ def find(name: str, root: Path | None = None) -> Manifest:
     """The manifest of a platform by name.  Raises BadConfig, naming those there are, and BadManifest."""
     own = _own_folders(root)
     known = own if name in own else {folder.name: folder for folder in folders(root)}
+    if name not in known and name in WHEELS:
+        raise BadConfig(f"platform {name} is a package of its own: install {WHEELS[name]} (docs/operations.md)")
     if name not in known:
         raise BadConfig(f"no platform {name!r}{guess(name, known)}")
     return read(known[name])
@@ -157,10 +163,8 @@ def _module(manifest: Manifest, name: str) -> ModuleType:
 
 def _missing(manifest: Manifest, error: ImportError) -> BadConfig:
     """The error of a platform whose import has failed for want of a package: how that is installed."""
-    how = f"pip install {error.name}"
-    if manifest.needs:
-        extras = ",".join(manifest.needs)
-        how = f"pip install '{manifest.wheel}[{extras}]'" if manifest.wheel else install_command(*manifest.needs)
+    wheel = manifest.wheel or "urbihw"
+    how = install_command(*manifest.needs, wheel=wheel) if manifest.needs else f"pip install {error.name}"
     return BadConfig(f"platform {manifest.name} needs the Python package {error.name}: {how}")
 
 
