@@ -8,6 +8,7 @@ import pytest
 
 from urbihw.buses import messages as m
 from urbihw.buses.authority import MotionAuthority
+from urbihw.buses.errors import BusTimeout, DeviceRefused, LinkGone
 
 from .conftest import Rig
 from .test_worker import Bench, of
@@ -229,3 +230,49 @@ def test_targets_of_before_a_stop_stay_refused(bench: Bench) -> None:
     bench.tell(m.Targets({GOAL: 900}))
     bench.run(1.0)
     assert place(bench) == pytest.approx(stood, abs=2)
+
+
+@pytest.mark.parametrize(
+    ("before", "meanwhile", "after"),
+    [
+        pytest.param(0, None, 0, id="off before"),
+        pytest.param(150, None, 150, id="lower before"),
+        pytest.param(600, None, 600, id="between"),
+        pytest.param(1023, None, 900, id="full"),
+        pytest.param(600, 0, 0, id="off meanwhile"),
+    ],
+)
+def test_a_threshold_gives_back_what_it_has_taken_and_no_more(
+    bench: Bench, before: int, meanwhile: int | None, after: int
+) -> None:
+    servo = bench.rig.kit.servo(6)
+    servo.heat(40.0)
+    reduces = m.Threshold(
+        6, "present_temperature", 60.0, "limits.motor6.temperature", hysteresis=5.0, targets=((ITEM[1], 200),),
+        restored=((ITEM[1], 900),),
+    )  # fmt: skip
+    bench.tell(m.Limits({}, (reduces,)), m.Targets({ITEM: before}))
+    bench.run(0.1)
+    servo.heat(61.0)
+    bench.run(0.1)
+    assert servo.registers.get("torque_limit") == min(before, 200)
+    if meanwhile is not None:
+        bench.tell(m.Request(1, "write", 6, ITEM[1], meanwhile))
+        bench.run(0.1)
+    servo.heat(40.0)
+    bench.run(0.2)
+    assert servo.registers.get("torque_limit") == after
+
+
+@pytest.mark.parametrize("error", [LinkGone("unplugged"), BusTimeout("no answer"), DeviceRefused(6, 1, "no")])
+def test_a_failure_that_a_driver_lets_out_opens_the_link_anew_and_the_worker_goes_on(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, error: Exception
+) -> None:
+    def fail(*_: object) -> list[m.FromWorker]:
+        monkeypatch.undo()
+        raise error
+
+    monkeypatch.setattr(bench.engine._driver, "tick", fail)
+    heard = bench.run(1.5)
+    states = [(each.up, each.reason) for each in of(m.LinkState, heard)]
+    assert states == [(False, str(error)), (True, "")]

@@ -339,3 +339,67 @@ def test_a_ramp_begins_where_the_device_is_when_a_hand_has_moved_it(rig: Rig) ->
     assert rig.take(530) is None
     given = rig.steps(0.1)
     assert max(given) == pytest.approx(799, abs=1) and min(given) >= 788
+
+
+# ---------------------------------------------------------------- joints that stand
+
+
+def led(rig: Rig, still: bool = False) -> Any:
+    rig.now += TICK
+    return rig.points.led_goals(rig.now, still).get(KEY)
+
+
+def test_the_goal_of_a_joint_that_is_forced_away_goes_along_and_is_led_back_at_the_pace(rig: Rig) -> None:
+    rig.points.set_limits({KEY: Limit(rate=1000.0)}, rig.now)
+    rig.leash, rig.goal = 10.0, 512.0
+    assert led(rig) is None
+    for place in (540.0, 580.0):
+        rig.places[KEY] = place
+        rig.goal = led(rig)
+        assert rig.goal == place - 10
+    goals = []
+    for _ in range(7):
+        rig.places[KEY] = rig.goal
+        rig.goal = led(rig) or rig.goal
+        goals.append(rig.goal)
+    assert goals == [560, 550, 540, 530, 520, 512, 512]
+
+
+def test_while_nothing_may_move_the_goal_goes_along_and_stays(rig: Rig) -> None:
+    rig.leash, rig.goal = 10.0, 512.0
+    rig.places[KEY] = 580.0
+    rig.goal = led(rig, still=True)
+    assert rig.goal == 570
+    assert [led(rig, still=True) for _ in range(5)] == [None] * 5
+    rig.points.set_limits({KEY: Limit(rate=1000.0)}, rig.now)
+    assert [led(rig) for _ in range(5)] == [None] * 5
+
+
+@pytest.mark.parametrize("goal", [None, math.nan])
+def test_a_joint_that_is_limp_or_of_unknown_goal_gets_no_goal(rig: Rig, goal: float | None) -> None:
+    rig.points.set_limits({KEY: Limit(rate=1000.0)}, rig.now)
+    rig.leash, rig.goal = 10.0, goal
+    rig.places[KEY] = 580.0
+    assert led(rig) is None
+    assert led(rig, still=True) is None
+
+
+def test_a_joint_without_a_pace_is_left_to_its_servo(rig: Rig) -> None:
+    rig.leash, rig.goal = 10.0, 512.0
+    rig.places[KEY] = 580.0
+    assert led(rig) is None
+    rig.points.accept_targets({KEY: 512}, rig.now, rates={KEY: 100.0})
+    rig.steps(1.0)
+    rig.goal = 570.0
+    assert led(rig) is not None or rig.points._under_way
+    rig.points.drop_courses()
+    assert led(rig) is None
+
+
+def test_a_stop_ends_the_way_back(rig: Rig) -> None:
+    rig.points.set_limits({KEY: Limit(rate=1000.0)}, rig.now)
+    rig.leash, rig.goal = 10.0, 512.0
+    rig.places[KEY] = 580.0
+    rig.goal = led(rig)
+    rig.points.drop_courses((KEY[0],))
+    assert led(rig) is None

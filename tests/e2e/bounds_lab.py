@@ -28,11 +28,21 @@ _HOLDS = "{var t = time| while| (time < t + 0.8) {}},"
 
 
 @dataclass(frozen=True)
+class Body:
+    """A simulated servo: how fast its horn turns, ``hold`` holds it or lets it go, ``turn`` turns it by hand, rad."""
+
+    end: Endpoint
+    look: Look
+    hold: Callable[[bool], None]
+    turn: Callable[[float], None]
+
+
+@dataclass(frozen=True)
 class ServoRig:
-    """A kit with one servo, number 1; ``hold`` holds its horn, or lets it go."""
+    """A kit with one servo, number 1."""
 
     name: str
-    make: Callable[[], tuple[Endpoint, Look, Callable[[bool], None]]]
+    make: Callable[[], Body]
 
 
 @dataclass(frozen=True)
@@ -51,15 +61,14 @@ class Bench:
     """The processes of one case."""
 
     folder: Path
-    end: Endpoint
-    hold: Callable[[bool], None]
+    body: Body
     daemon: Daemon
     client: Client
     watcher: Watcher
     go: str
 
 
-def _ax() -> tuple[Endpoint, Look, Callable[[bool], None]]:
+def _ax() -> Body:
     kit = Bioloid(servos=(1,), sensors=(), baud=1_000_000)
     end, servo = PtyEndpoint(kit), kit.servo(1)
 
@@ -67,10 +76,13 @@ def _ax() -> tuple[Endpoint, Look, Callable[[bool], None]]:
         kit.tick(end.clock())
         return math.radians(abs(servo.speed) * DEGREES)
 
-    return end, look, lambda held: setattr(servo, "held", held)
+    def turn(way: float) -> None:
+        servo.position += way / math.radians(DEGREES)
+
+    return Body(end, look, lambda held: setattr(servo, "held", held), turn)
 
 
-def _x() -> tuple[Endpoint, Look, Callable[[bool], None]]:
+def _x() -> Body:
     kit = Bioloid.x_series(1, baud=1_000_000)
     end, servo = PtyEndpoint(kit), kit[1]
     assert isinstance(servo, XSeries)
@@ -79,15 +91,35 @@ def _x() -> tuple[Endpoint, Look, Callable[[bool], None]]:
         kit.tick(end.clock())
         return abs(servo.motor.speed) * math.tau / STEPS
 
-    return end, look, lambda held: setattr(servo.motor, "held", held)
+    def turn(way: float) -> None:
+        servo.motor.position += way / math.tau * STEPS
+
+    return Body(end, look, lambda held: setattr(servo.motor, "held", held), turn)
 
 
 def _let_go(bench: Bench) -> None:
-    bench.end.call(lambda: bench.hold(True))
+    end, hold = bench.body.end, bench.body.hold
+    end.call(lambda: hold(True))
     bench.client.say(bench.go)
     time.sleep(1.8)
-    bench.end.call(lambda: bench.hold(False))
+    end.call(lambda: hold(False))
     time.sleep(2.0)
+
+
+def _turn_away(bench: Bench) -> None:
+    """A hand turns the joint by 0.8 rad in 0.4 s, and lets it go, twice."""
+    end, body = bench.body.end, bench.body
+    bench.client.say(bench.go)
+    time.sleep(1.5)
+    bench.watcher.samples.clear()
+    for held in (0.0, 0.5):
+        end.call(lambda: body.hold(True))
+        for _ in range(40):
+            end.call(lambda: body.turn(0.02))
+            time.sleep(0.01)
+        time.sleep(held)
+        end.call(lambda: body.hold(False))
+        time.sleep(1.5)
 
 
 def _neighbour(bench: Bench) -> None:
@@ -115,9 +147,13 @@ def _reload(bench: Bench) -> None:
 
 BOUND_RIGS = (ServoRig("AX-12", _ax), ServoRig("XL430", _x))
 _WHEEL = "motor1.cwLimit = motor1.ccwLimit = 0; sleep(0.5s); motor1.speed = 4;"
+_STAND = "motor1.val = 0.2; sleep(0.8s);"
+_LIMIT = '[limits]\nspeed = 1.0\n[options]\noverspeed = "tell"\n'
 BOUND_CASES = (
-    BoundCase("held joint let go, limit of 1 rad/s", "motor1.val = 0.9;", 1.0, _let_go, "[limits]\nspeed = 1.0\n"),
+    BoundCase("held joint let go, limit of 1 rad/s", "motor1.val = 0.9;", 1.0, _let_go, _LIMIT),
     BoundCase("held joint let go, `speed:0.5`", "motor1.val = 0.9 speed:0.5,", 0.5, _let_go),
+    BoundCase("standing joint turned by hand and let go, limit of 1 rad/s", _STAND, 1.0, _turn_away, _LIMIT),
+    BoundCase("the same, while an emergency stop holds", f"{_STAND} bioloid.estop = true;", 0.0, _turn_away, _LIMIT),
     BoundCase("neighbour holds the interpreter 0.8 s, `speed:0.5`", "motor1.val = 1.5 speed:0.5,", 0.5, _neighbour),
     BoundCase("neighbour holds the interpreter 0.8 s, `smooth:4s`", "motor1.val = 1.5 smooth:4s,", 0.59, _neighbour),
     BoundCase("limits reloaded: 1 rad/s for a wheel at 4", _WHEEL, 1.0, _reload),
@@ -127,17 +163,17 @@ BOUND_CASES = (
 def measure_peak(rig: ServoRig, case: BoundCase) -> float:
     """Return the highest speed of the body in rad/s, each time over ``faults_lab.SPAN``."""
     with tempfile.TemporaryDirectory(prefix="bounds-") as name, ExitStack() as stack:
-        end, look, hold = rig.make()
-        stack.enter_context(end)
-        end.start()
+        body = rig.make()
+        stack.enter_context(body.end)
+        body.end.start()
         folder = Path(name)
-        daemon = Daemon(folder, "bioloid", end.url, case.limits)
+        daemon = Daemon(folder, "bioloid", body.end.url, case.limits)
         stack.callback(daemon.close)
         client = Client(daemon.port)
         stack.callback(client.close)
         client.say('motor1.load = 1; sleep(0.5s); echo("ready");')
         client.wait("ready")
-        watcher = Watcher(end, look)
+        watcher = Watcher(body.end, body.look)
         stack.callback(watcher.close)
-        case.happens(Bench(folder, end, hold, daemon, client, watcher, case.go))
+        case.happens(Bench(folder, body, daemon, client, watcher, case.go))
         return watcher.peak(0.0)

@@ -123,7 +123,7 @@ class ThresholdMonitor:
         return targets
 
     def _give_back(self, threshold: Threshold) -> dict[tuple[Any, str], Any]:
-        """Return the targets of a threshold that was left: what it took away, where nobody has changed that since."""
+        """Return the targets of a threshold that was left; values that were changed since it was passed stay."""
         targets: dict[tuple[Any, str], Any] = {}
         taken = dict(threshold.targets)
         values = self._values[threshold.device]

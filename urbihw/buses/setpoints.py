@@ -190,14 +190,12 @@ class SetPoints:
 
     def drop_courses(self, devices: tuple[Any, ...] | None = None) -> None:
         """Drop the courses of the robot, or of some devices, which were stopped."""
-        for key in list(self._courses):
+        for key in (*self._courses, *self._led):
             if devices is None or key[0] in devices:
-                del self._courses[key]
+                self._courses.pop(key, None)
                 self._under_way.pop(key, None)
                 self._paced.pop(key, None)
-        for key in list(self._led):
-            if devices is None or key[0] in devices:
-                del self._led[key]
+                self._led.pop(key, None)
 
     def accept_targets(
         self,

@@ -54,6 +54,8 @@ FOLLOWED: Final = 0.3
 """Share of the way of the goal that it goes at least with a weight."""
 MARGIN: Final = 1.25
 """How much more than its lead an error must be to tell of a pull."""
+SLOWED: Final = 0.8
+"""Share of the wanted speed below which what a shaft carries slows it down."""
 TOO_FAST: Final = 1.2
 """How much faster than wanted a shaft turns when what it carried has let go."""
 GRAIN: Final = 100.0
@@ -132,7 +134,8 @@ class ServoFollower:
         self.speed = 0.0
         self.carried = 0.0
         self.disturbed_since: float | None = None
-        self._stands = self._slack = False
+        self._stands = False
+        self._slack = 0.0
         self._pace = self._lead = float("inf")
         self._prop: _Prop | None = None
         self._base: tuple[float, float] | None = None
@@ -177,12 +180,16 @@ class ServoFollower:
         elif self.speed:
             drives = (error - self.carried) * self.speed > 0
             more = pull - self.carried
-            # It may be a hand that pulls more, against the drive.
-            if drives or more * self.carried < 0:
+            # At its full speed it needs no more; against the drive, it may be a hand that pulls more.
+            grows = more * self.carried >= 0
+            if (drives and abs(self.speed) < SLOWED * self._pace) if grows else (drives or not self._slack):
                 carried = self.carried + more * min(1.0, elapsed / LEARN_S)
                 self.carried = min(max(carried, -self._full), self._full)
             if drives:
                 self._take_up()
+        elif self._stands and self._slack:
+            # A hand holds it, and what it carries, too.
+            return
         elif self._stands and error >= 0:
             self.carried = min(max(self.carried, 0.0), error)
         elif self._stands:
@@ -205,14 +212,15 @@ class ServoFollower:
             self._give_way(goal, place, error, unknown)
 
     def _give_way(self, goal: float, place: float, error: float, unknown: float) -> None:
+        side = math.copysign(1.0, unknown)
         if self.disturbed_since is None and abs(unknown) > MARGIN * self._lead + MOVED:
             self.disturbed_since = self._read_at
         if abs(error) > max(HOLDS * self._full, abs(self.carried) + MARGIN * self._lead):
-            self._prop, self._slack = None, True
+            self._prop, self._slack = None, side
         elif self._prop is not None:
             self._test_prop(self._prop, place)
-        elif not self._slack and unknown * self.speed < 0:
-            self._prop = _Prop(goal, math.copysign(1.0, unknown), place, self._read_at)
+        elif self._slack != side and unknown * self.speed < 0:
+            self._prop, self._slack = _Prop(goal, side, place, self._read_at), 0.0
 
     def _test_prop(self, prop: _Prop, place: float) -> None:
         step = HOLDS * self._full / TEST_S * min(self._pause, LONGEST_TEST_S)
@@ -223,11 +231,11 @@ class ServoFollower:
             self.carried = prop.weight
             self._take_up()
         elif told == "hand":
-            self._slack = True
+            self._slack = prop.side
 
     def _take_up(self) -> None:
         """Nothing unknown pulls any more: what pulls next may be a weight."""
-        self._slack, self.disturbed_since = False, None
+        self._slack, self.disturbed_since = 0.0, None
 
     def is_blocked(self, place: float, goal: float) -> bool:
         """Return whether the shaft stands although its goal is away by more than it carries."""
