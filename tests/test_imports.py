@@ -132,7 +132,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.platforms.clipping", "urbihw.platforms.devicelog", "urbihw.platforms.hooks", "urbihw.platforms.limits",
     ),  # fmt: skip
     "urbihw.platforms.base": (
-        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.buses.pace", "urbihw.settings", "urbihw.platforms.arrival",
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.platforms.arrival",
         "urbihw.platforms.expected", "urbihw.platforms.guarded", "urbihw.platforms.limits",
         "urbihw.platforms.remembered", "urbihw.platforms.words",
     ),  # fmt: skip
@@ -161,9 +161,9 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     ),  # fmt: skip
     # Servos as objects, for every robot on a servo bus.
     "urbihw.platforms.servos": (
-        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.platforms.base", "urbihw.platforms.channel",
-        "urbihw.platforms.expected", "urbihw.platforms.hooks", "urbihw.platforms.limits", "urbihw.platforms.devicelog",
-        "urbihw.platforms.words", "urbihw.platforms.teach",
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.buses.pace", "urbihw.settings", "urbihw.platforms.base",
+        "urbihw.platforms.channel", "urbihw.platforms.expected", "urbihw.platforms.hooks", "urbihw.platforms.limits",
+        "urbihw.platforms.devicelog", "urbihw.platforms.words", "urbihw.platforms.teach",
     ),  # fmt: skip
     ROBOT: (
         "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.extras", "urbihw.platforms.base",

@@ -16,7 +16,6 @@ from typing import ClassVar, Final, Protocol
 from urbihw.buses import messages as m
 from urbihw.buses.driver import driver_of
 from urbihw.buses.errors import BadUrl, BadValue, LinkGone
-from urbihw.buses.pace import Pace, PaceWatch
 from urbihw.buses.supervisor import Supervisor
 from urbihw.kernel.uobject import (
     BadConfig,
@@ -113,7 +112,6 @@ class WiredRobot(GuardedRobot):
         self._heartbeat: int | None = None
         self._differences: list[str] = []
         self._lost_parts: dict[str, str] = {}
-        self._pace_watch = PaceWatch()
 
     # ---------------------------------------------------------------- what the daemon calls
 
@@ -389,11 +387,6 @@ class WiredRobot(GuardedRobot):
             {"rate": message.rate, "late": message.late, "busLoad": message.load, "dropped": message.dropped}
             | {kind: float(count) for kind, count in message.errors.items()}
         )
-        second = Pace(
-            message.wanted, message.rate, message.late_share, message.load, message.turnaround, message.held_up
-        )
-        if line := self._pace_watch.hear(second):
-            self.log.warning("%s", line)
 
     def _handle_link_state(self, message: m.LinkState) -> None:
         if self.opening and not message.up:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any, ClassVar, Final
 
 from urbihw.buses import messages as m
+from urbihw.buses.pace import Pace, PaceWatch
 from urbihw.buses.servos import calibration
 from urbihw.buses.servos.calibration import BadCalibration, JointCalibration
 from urbihw.buses.servos.device import DeviceInfo
@@ -134,6 +135,7 @@ class ServoRobot(MotionRobot):
         self._missing: dict[int, None] = {}
         self._new: list[ServoBusDevice] = []
         self._is_built = False
+        self._pace_watch = PaceWatch()
         self._period = 0.0
         """The `System.period` that was set last."""
         self._conflicts: tuple[int, ...] = ()
@@ -203,9 +205,18 @@ class ServoRobot(MotionRobot):
         self.host.run(f"System.period = {self._period!r};", f"{self.robot_name}.period")
 
     def on_statistics(self, message: m.Statistics) -> None:
-        """Movements follow the rate that the bus achieves, unless a program has set a period of its own."""
+        """Log why the rate is not kept; let movements follow the rate that the bus achieves."""
         if not message.wanted:
             return
+        second = Pace(
+            message.wanted, message.rate, message.late_share, message.load, message.turnaround, message.held_up
+        )
+        if line := self._pace_watch.hear(second):
+            self.log.warning("%s", line)
+        self._follow_rate(message)
+
+    def _follow_rate(self, message: m.Statistics) -> None:
+        """Set the period of movements to that of the bus, unless a program has set one of its own."""
         period = 1 / message.wanted
         if message.rate < message.wanted / (1 + _LIKE_PERIODS):
             period = 1 / max(message.rate, _SLOWEST_HZ)
