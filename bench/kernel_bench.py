@@ -88,18 +88,35 @@ def concurrency(turns: int) -> None:
          "var e = Event.new|; for (20) { at (e?) {} }; function work() { for (500) e! }|;"),
         ("change of a variable watched by at (expr)", 10_000, 8.0,
          "var x = 0|; at (x == -1) {}; function work() { for| (var i = 0; i < 10000; i += 1) x = i }|;"),
+        ("change of one of 50 variables of an at", 2000, 20.0,
+         "".join(f"var v{n} = 0|; " for n in range(50)) + "at (" + " + ".join(f"v{n}" for n in range(50))
+         + " == -1) {}; function work() { for| (var i = 0; i < 2000; i += 1) v7 = i }|;"),
+        ("change of a variable of 50 ats, for each of them", 10_000, 4.0,
+         "var x = 0|; " + "at (x == -1) {};" * 50 + " function work() { for| (var i = 0; i < 200; i += 1) x = i }|;"),
+        ("detach", 2000, 15.0, "function work() { for (2000) detach({}) }|;"),
         ("one statement of one of 1000 jobs", 100_000, 3.0,
          "function work() { for& (1000) { for (100) 1 } }|;"),
     )  # fmt: skip
     for name, count, budget, text in rows:
         machine = Machine()
         machine.run(text + "\nwork()|;\n")
-        took = statistics.median(machine.run("work()|;\n") for _ in range(turns))
+        took = statistics.median(machine.run("work()|;\n", time.process_time) for _ in range(turns))
         row(name, "", "", took / count * 1e6, budget, " us")
+    row("one turn of one of 1000 loops every(100ms)", "", "", loops(turns), 10.0, " us")
     compiling(turns)
     taken, whole = sleepers()
     row("10 000 sleeping jobs, what they add", "", "", taken, 100, " MB")
     row("10 000 sleeping jobs, the whole process", "", "", whole, 100, " MB")
+
+
+def loops(turns: int) -> float:
+    """Microseconds of processor time for each turn of 1000 loops, in simulated time."""
+    kernel = Kernel(fast=True)
+    lobby = kernel.open_lobby()
+    kernel.run_text(lobby, "var n = 0|; for& (1000) { every (100ms) n += 1 },\n", until=0.45)
+    began = time.process_time()
+    kernel.run_text(lobby, "", until=0.45 + turns)
+    return (time.process_time() - began) / (turns * 10 * 1000) * 1e6
 
 
 def compiling(turns: int) -> None:

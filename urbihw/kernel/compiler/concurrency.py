@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast as py
 
-from urbihw.kernel.compiler.conditions import make_event_parts
+from urbihw.kernel.compiler.conditions import make_event_parts, make_watched
 from urbihw.kernel.compiler.control import write_closing_scope, write_group, write_yield
 from urbihw.kernel.compiler.emit import Pos, attr, call, const, do, except_, if_, name, raise_, set_, try_
 from urbihw.kernel.compiler.visit import frame_of, make_thunk, make_value, write_stmt
@@ -114,5 +114,5 @@ def write_guarded(node: ast.Guarded, w: Writer, dest: str | None) -> None:
         event, accept, _ = make_event_parts(cond, w)
         opened = call("event_guard", [const(node.kind, p), event, accept], p)
     else:
-        opened = call("guard", [const(node.kind, p), make_thunk(cond, w)], p)
+        opened = call("guard", [const(node.kind, p), make_watched(cond, w)], p)
     write_tag_scope(w, opened, node.body, dest, p)

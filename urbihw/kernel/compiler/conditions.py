@@ -69,6 +69,25 @@ def make_handler(node: ast.Node | None, w: Writer, p: Pos) -> py.expr:
     return w.nested(frame, [local.python for local in frame.params], write, p)
 
 
+def make_watched(cond: ast.Node, w: Writer) -> py.expr:
+    """A condition as a function; one without branches is marked, because it reads the same places each time."""
+    made = make_thunk(cond, w)
+    return call("straight", [made], w.mark(cond)) if is_straight(cond, w) else made
+
+
+def is_straight(cond: ast.Node, w: Writer) -> bool:
+    """Whether a condition consists of literals, names and calls; which calls run functions is seen when it runs."""
+    todo = [cond]
+    while todo:
+        w.pace.step()
+        node = todo.pop()
+        if isinstance(node, ast.Call):
+            todo += [part for part in (node.target, *(node.args or ())) if part is not None]
+        elif not isinstance(node, ast.Float | ast.StringLiteral | ast.This):
+            return False
+    return True
+
+
 def write_at(node: ast.At, w: Writer, dest: str | None) -> None:
     """``at (cond) body onleave leave``, ``at sync (cond) ...``."""
     write_watch(w, "at_sync" if node.sync else "at", node, node.leave, dest)
@@ -87,7 +106,7 @@ def write_watch(w: Writer, verb: str, node: ast.At | ast.Whenever, other: ast.No
         parts = list(make_event_parts(cond, w))
         kind = verb + "_event"
     else:
-        parts = [make_thunk(cond.expr, w), make_duration(cond.duration, w, p)]
+        parts = [make_watched(cond.expr, w), make_duration(cond.duration, w, p)]
         kind = verb + "_expr"
     parts += [make_handler(node.body, w, p), make_handler(other, w, p)]
     w.emit(do(call(kind, parts, p), p))
@@ -98,7 +117,8 @@ def write_wait_until(node: ast.WaitUntil, w: Writer, dest: str | None) -> None:
     """``waituntil (cond)``."""
     p = w.mark(node)
     if isinstance(node.cond, ast.ExprCond):
-        w.emit(do(call("wait_expr", [make_thunk(node.cond.expr, w), make_duration(node.cond.duration, w, p)], p), p))
+        condition = make_watched(node.cond.expr, w)
+        w.emit(do(call("wait_expr", [condition, make_duration(node.cond.duration, w, p)], p), p))
     else:
         event, accept, _ = make_event_parts(node.cond, w)
         bound = w.fresh()

@@ -44,6 +44,10 @@ class Executable(Obj):
         super().__init__(world, protos)
         self.strict = self.takes_values
 
+    def peek(self) -> Value:
+        """The value that a read of the slot gives, if this is a variable; None for a function, which would run."""
+        return None
+
     def call(self, this: Value, args: tuple[Value, ...]) -> Value:
         """Run with evaluated arguments; raises the arity error when their number is wrong."""
         raise NotImplementedError

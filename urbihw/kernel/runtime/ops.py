@@ -24,7 +24,7 @@ from urbihw.kernel.runtime.ops_slots import slot_verbs, update_verbs
 from urbihw.kernel.runtime.slots import LOGICAL, STRICT_NAMES
 from urbihw.kernel.runtime.values import Dictionary, Lazy
 from urbihw.kernel.runtime.verbs import call_unevaluated, locals_of
-from urbihw.kernel.runtime.watch import Box
+from urbihw.kernel.runtime.watch import Box, mark_straight
 from urbihw.kernel.sched.group import Group
 from urbihw.kernel.sched.signals import UNWINDING, JobAborted, Leave, StopTag, supersedes
 from urbihw.kernel.value import Value
@@ -81,6 +81,7 @@ def _constants(world: World) -> dict[str, Any]:
         "ENDINGS": UNWINDING,
         "JobAborted": JobAborted,
         "Box": Box,
+        "straight": mark_straight,
         "Event": Event,
         "token": object,
         "ready": scheduler.ready,

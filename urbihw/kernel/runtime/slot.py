@@ -37,7 +37,7 @@ class SlotMeta:
         self.getter = False
         self.properties: dict[str, Any] | None = None
         self.changed: Any = None
-        self.watchers: dict[ConditionWatch, None] | None = None
+        self.watchers: dict[ConditionWatch, bool] | None = None
         self.accessor: Accessor | None = None
         self.blender: Blender | None = None
 

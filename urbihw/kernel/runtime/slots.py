@@ -13,7 +13,7 @@ from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
-from urbihw.kernel.runtime.code import Code0, Code1, Code2, Executable, Getter
+from urbihw.kernel.runtime.code import Code0, Code1, Code2, Executable, Getter, Primitive
 from urbihw.kernel.runtime.object import Obj, Plain
 from urbihw.kernel.runtime.slot import peek_meta
 from urbihw.kernel.runtime.values import Container, List
@@ -56,12 +56,13 @@ def make_finders(world: World, ops: SlotOps) -> tuple[Find, Find]:
             if holder is None:
                 if recorder.active is not None:
                     recorder.read(target, name)
+                    recorder.called()  # a ``fallback``, if anything
                 return obj.fallback_slot(name)
             slots = holder.slots
             if recorder.active is not None:
-                recorder.read(holder, name)
-        if recorder.active is not None:
-            ops.record(target, name, slots[name])
+                ops.record(target, holder, name, slots[name])
+        elif recorder.active is not None:
+            ops.record(target, obj, name, slots[name])
         return slots[name]
 
     def found(target: Value, name: str) -> Value:
@@ -207,16 +208,24 @@ class SlotOps:
             raise  # called from an except clause: re-raises the look-up error
         return holder.slots["fallback"]
 
-    def record(self, target: Value, name: str, value: Value) -> None:
-        """Record that a condition reads a slot, the variables of a function found there, and the content of a
-        container.
+    def record(self, target: Value, holder: Obj, name: str, value: Value) -> None:
+        """Record that a condition reads a slot of ``target`` that ``holder`` has, the variables of a function found
+        there, and the content of a container.
         """
         recorder = self.world.recorder
-        recorder.read(target, name)
+        if isinstance(value, Executable):
+            inner = value.peek()
+            if inner is None:
+                recorder.boxes(getattr(value, "fn", None))
+                if target.__class__ is not float or not isinstance(value, Primitive):  # arithmetic reads no other place
+                    recorder.called()
+            value = inner
+        number = value.__class__ is float
+        if holder is not target:
+            recorder.read(holder, name, number)
+        recorder.read(target, name, number)
         if isinstance(target, Container):
             recorder.read(target, "")
-        if isinstance(value, Executable):
-            recorder.boxes(getattr(value, "fn", None))
 
     # ---------------------------------------------------------------- writing
 
@@ -264,7 +273,7 @@ class SlotOps:
         if meta is not None:
             if meta.changed is not None:
                 self.send(meta.changed, "emit")
-            notify(meta)
+            notify(meta, holder.slots.get(name))
 
     def put_slot(self, obj: Obj, name: str, value: Value) -> None:
         """Create or overwrite a local slot, without the checks and effects of an assignment.

@@ -70,11 +70,17 @@ class Recorder:
         del self.active[self._scheduler.current]
         self.active = self.active or None
 
-    def read(self, target: Value, name: str) -> None:
-        """The present watch depends on this slot (whether it exists or not)."""
+    def read(self, target: Value, name: str, number: bool = False) -> None:
+        """The present watch depends on this slot (whether it exists or not); ``number``: its value is a Float."""
         watch = self.present()
         if watch is not None and isinstance(target, Obj):
-            watch.depend(meta_of(target, name))
+            watch.depend(meta_of(target, name), number)
+
+    def called(self) -> None:
+        """The present condition has called a function, which may read other places the next time."""
+        watch = self.present()
+        if watch is not None:
+            watch.steady = False
 
     def boxes(self, function: Any) -> None:
         """The present watch depends on the variables that this Python function captured."""
@@ -85,6 +91,12 @@ class Recorder:
             content = cell.cell_contents if _filled(cell) else None
             if isinstance(content, Box):
                 content.watch(watch)
+
+
+def mark_straight(condition: Callable[[], Any]) -> Callable[[], Any]:
+    """Mark the function of a condition that has no branches (see ``ConditionWatch``)."""
+    condition.__dict__["straight"] = True
+    return condition
 
 
 def _filled(cell: Any) -> bool:
@@ -100,9 +112,15 @@ class ConditionWatch:
 
     The condition is evaluated in the job that writes, which must not get its errors: ``failed(error)`` is called
     instead, and the truth stays the same.
+
+    A condition without branches that has called no function reads the same places again as long as only numbers in them
+    become other numbers.  Then nothing is recorded: ``steady`` is set.
     """
 
-    __slots__ = ("_again", "_busy", "_changed", "_condition", "_failed", "_places", "_recorder", "live", "value")
+    __slots__ = (
+        "_again", "_busy", "_changed", "_condition", "_failed", "_places", "_recorder", "_straight", "live", "steady",
+        "value",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -115,23 +133,27 @@ class ConditionWatch:
         self._condition = condition
         self._changed = changed
         self._failed = failed
-        self._places: list[dict[ConditionWatch, None]] = []
+        self._straight = bool(getattr(condition, "straight", False))
+        self.steady = False
+        self._places: list[dict[ConditionWatch, bool]] = []
         self._busy = False
         self._again = False
         self.live = True
         self.value = False
 
-    def depend(self, meta: SlotMeta) -> None:
-        """Add a place that was read."""
+    def depend(self, meta: SlotMeta, number: bool = False) -> None:
+        """Add a place that was read; ``number``: it holds a Float."""
         if meta.watchers is None:
             meta.watchers = {}
-        self.depend_on(meta.watchers)
+        self.depend_on(meta.watchers, number)
 
-    def depend_on(self, watchers: dict[ConditionWatch, None]) -> None:
+    def depend_on(self, watchers: dict[ConditionWatch, bool], number: bool) -> None:
         """Add a place that was read, by its table of watchers."""
         if self not in watchers:
-            watchers[self] = None
+            watchers[self] = number
             self._places.append(watchers)
+        elif not number:
+            watchers[self] = False
 
     def begin(self) -> None:
         """Evaluate the condition for the first time; if it fails, it is not watched, and the error is raised."""
@@ -141,15 +163,28 @@ class ConditionWatch:
             self.stop()
             raise
 
-    def touched(self) -> None:
-        """Evaluate the condition again, because a place that it read was written."""
+    def touched(self, same: bool = False) -> None:
+        """Evaluate the condition again, because a place that it read was written; ``same``: a number by a number."""
         if self._busy:  # written by this evaluation, or while it has yielded: `_update` goes round once more
             self._again = True
-        elif self.live:
+        elif self.live and not (same and self.steady and self._is_unchanged()):
             try:
                 self._update()
             except Exception as error:
                 self._failed(error)
+
+    def _is_unchanged(self) -> bool:
+        """Whether the truth is certainly the same, found without recording."""
+        if self._recorder.active is not None:  # the reads would count for another condition
+            return False
+        self._busy = True
+        self._again = False
+        try:
+            return bool(self._condition()) is self.value and not self._again
+        except Exception:  # evaluated once more, and reported then
+            return False
+        finally:
+            self._busy = False
 
     def _update(self) -> None:
         """Evaluate the condition, and call ``changed`` when its truth is another one."""
@@ -176,6 +211,7 @@ class ConditionWatch:
         for place in self._places:
             place.pop(self, None)
         self._places.clear()
+        self.steady = self._straight
         outer = self._recorder.begin(self)
         try:
             self._recorder.boxes(self._condition)
@@ -191,12 +227,21 @@ class ConditionWatch:
         self._places.clear()
 
 
-def notify(meta: SlotMeta) -> None:
-    """Evaluate all conditions that have read a slot, in the order in which they began to watch it."""
+def notify(meta: SlotMeta, value: Value = None) -> None:
+    """Evaluate all conditions that have read a slot, in the order in which they began to watch it.
+
+    ``value`` is the new value; None stands for any change that is not that of a value.
+    """
     if meta.watchers:
-        # A copy, since each evaluation removes its watch from the table and adds it again.
-        for watch in list(meta.watchers):
-            watch.touched()
+        touch_all(meta.watchers, value)
+
+
+def touch_all(watchers: dict[ConditionWatch, bool], value: Value) -> None:
+    """Evaluate the conditions in a table; the new ``value`` was written."""
+    number = value.__class__ is float
+    # A copy, since each evaluation may remove its watch from the table and add it again.
+    for watch, was_number in list(watchers.items()):
+        watch.touched(number and was_number)
 
 
 class Box:
@@ -206,14 +251,14 @@ class Box:
 
     def __init__(self, value: Value) -> None:
         self.v = value
-        self.watchers: dict[ConditionWatch, None] | None = None
+        self.watchers: dict[ConditionWatch, bool] | None = None
 
     def watch(self, watch: ConditionWatch) -> None:
         """Record that a condition reads this variable."""
         if self.watchers is None:
             self.watchers = {}
             self.__class__ = WatchedBox
-        watch.depend_on(self.watchers)
+        watch.depend_on(self.watchers, self.v.__class__ is float)
 
 
 _raw = Box.__dict__["v"]
@@ -232,5 +277,5 @@ class WatchedBox(Box):
     @v.setter
     def v(self, value: Value) -> None:
         _raw.__set__(self, value)
-        for watch in list(self.watchers or ()):
-            watch.touched()
+        if self.watchers:
+            touch_all(self.watchers, value)

@@ -14,16 +14,12 @@ from urbihw.kernel import errors
 class Timer:
     """A function to be called once at a time, unless ``cancel()`` is called before."""
 
-    __slots__ = ("_queue", "action", "deadline", "order")
+    __slots__ = ("_queue", "action", "deadline")
 
-    def __init__(self, deadline: float, order: int, action: Callable[[], None], queue: TimeQueue) -> None:
+    def __init__(self, deadline: float, action: Callable[[], None], queue: TimeQueue) -> None:
         self.deadline = deadline
-        self.order = order
         self.action: Callable[[], None] | None = action
         self._queue = queue
-
-    def __lt__(self, other: Timer) -> bool:
-        return (self.deadline, self.order) < (other.deadline, other.order)
 
     def cancel(self) -> None:
         """Cancel the call; does nothing after the call."""
@@ -36,7 +32,7 @@ class TimeQueue:
     """Timers in the order of their deadlines; timers with the same deadline in the order in which they were added."""
 
     def __init__(self) -> None:
-        self._heap: list[Timer] = []
+        self._heap: list[tuple[float, int, Timer]] = []  # Python compares tuples faster than objects
         self._order = 0
         self._cancelled = 0
         self.soonest = math.inf
@@ -53,28 +49,30 @@ class TimeQueue:
         if deadline != deadline:
             raise errors.bad_number("BadNumber", "expected a duration, got nan")
         self._order += 1
-        timer = Timer(deadline, self._order, action, self)
-        heapq.heappush(self._heap, timer)
-        self.soonest = min(self.soonest, deadline)
+        timer = Timer(deadline, action, self)
+        heapq.heappush(self._heap, (deadline, self._order, timer))
+        if deadline < self.soonest:
+            self.soonest = deadline
         return timer
 
     def count_cancelled(self) -> None:
         """Count a cancelled timer; rebuild the heap if most timers are cancelled."""
         self._cancelled += 1
         if self._cancelled > 64 and self._cancelled * 2 > len(self._heap):
-            self._heap = [timer for timer in self._heap if timer.action is not None]
+            self._heap = [entry for entry in self._heap if entry[2].action is not None]
             heapq.heapify(self._heap)
             self._cancelled = 0
 
     def next_deadline(self) -> float | None:
         """The deadline of the first timer, or None."""
-        while self._heap and self._heap[0].action is None:
-            heapq.heappop(self._heap)
+        heap = self._heap
+        while heap and heap[0][2].action is None:
+            heapq.heappop(heap)
             self._cancelled -= 1
-        if not self._heap:
+        if not heap:
             self.soonest = math.inf
             return None
-        self.soonest = self._heap[0].deadline
+        self.soonest = heap[0][0]
         return self.soonest
 
     def pop_due(self, now: float) -> Callable[[], None] | None:
@@ -84,7 +82,7 @@ class TimeQueue:
         deadline = self.next_deadline()
         if deadline is None or deadline > now:
             return None
-        timer = heapq.heappop(self._heap)
+        timer = heapq.heappop(self._heap)[2]
         action, timer.action = timer.action, None
         self.next_deadline()
         return action

@@ -180,6 +180,10 @@ class Hooked(Executable):
             self._run(self._access)
         return self._sensed
 
+    def peek(self) -> Value:
+        """The value for readers, as it is."""
+        return self._sensed
+
     def read(self, target: Value) -> Value:
         """The value for readers other than the owner: the sensed value, after the access callbacks had a chance to
         refresh it.
@@ -325,7 +329,7 @@ class Hooked(Executable):
             if meta is not None:
                 if meta.changed is not None and self.hooked:
                     self.world.send(meta.changed, "emit")
-                notify(meta)
+                notify(meta, self._sensed)
 
     def _run(self, callbacks: tuple[Callback, ...]) -> None:
         for callback in callbacks:
