@@ -23,7 +23,8 @@ from urbihw.kernel.uobject import (
     reading,
     set_range,
 )
-from urbihw.platforms.base import LINK_DOWN
+from urbihw.platforms.arrival import LINK_DOWN
+from urbihw.platforms.base import WiredRobot
 from urbihw.platforms.hooks import LimitedDevice
 from urbihw.platforms.nao import words
 from urbihw.platforms.nao.call_part import SERVICES, may_move
@@ -56,7 +57,7 @@ from urbihw.platforms.nao.sound import OUTPUT_VOLUME, WORD_EVENT, NaoMicro, NaoS
 from urbihw.platforms.nao.walk_part import WALK
 from urbihw.platforms.nao.watchdog_part import NAME as WATCHDOG
 from urbihw.platforms.nao.wholebody_part import EFFECTORS
-from urbihw.platforms.teach.robot import MotionRobot
+from urbihw.platforms.teach.motions import TaughtMotions
 
 LEG_PARTS: Final = ("Hip", "Knee", "Ankle")
 """Parts of the names of the joints that carry the robot."""
@@ -74,7 +75,7 @@ TREE: Final = "tree.u"
 """Builds the standard robot API, when the robot was found."""
 
 
-class Nao(MotionRobot):
+class Nao(WiredRobot):
     """A Nao, with its joints, senses and services."""
 
     slot_words = words.BASE
@@ -84,6 +85,8 @@ class Nao(MotionRobot):
         NaoJoint, NaoHand, NaoWalk, NaoLed, NaoSensor, NaoBumper, NaoBattery, NaoFsr, NaoModules, NaoMotorControl,
         NaoSpeaker, NaoMicro, NaoVoice, NaoSpeech, NaoCamera,
     )  # fmt: skip
+
+    parts = (TaughtMotions,)
 
     robot_name = "nao"
     model_name = "Nao"
@@ -98,6 +101,7 @@ class Nao(MotionRobot):
     def init(self) -> None:
         """Called by ``new``; nothing happens before ``open``."""
         super().init()
+        self.motions = TaughtMotions(self, self.robot_name, self.motion, self.log)
         self.joints: dict[str, NaoJoint] = {}
         self.hands: dict[str, NaoHand] = {}
         self._sensors: list[Any] = []
@@ -109,6 +113,7 @@ class Nao(MotionRobot):
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
         self._settings = settings
+        self.motions.use_folder(settings.motions)
         super().open(settings, opened)
 
     def configure(self, settings: RobotSettings) -> None:
@@ -119,17 +124,17 @@ class Nao(MotionRobot):
             self.motor.configure(settings)
 
     def status(self) -> str:
-        if not self.link.sensed:
+        if not self.arrival.is_up():
             return "link down"
         stiff = sum(joint.load.sensed > 0 for joint in self.joints.values())
-        return f"{self.model.sensed}, {stiff} of {len(self.joints)} joints stiff" + self.rate_words()
+        return f"{self.identity.model.sensed}, {stiff} of {len(self.joints)} joints stiff" + self.worker.rate_words()
 
     # ---------------------------------------------------------------- what is there
 
     def on_found(self, message: m.Found) -> None:
         """See ``WiredRobot``.  Comes again when the link is back; the objects are made once."""
         (info,) = message.devices
-        self.identify(name=info.name, model=info.model, serial=info.serial)
+        self.identity.show(name=info.name, model=info.model, serial=info.serial)
         self.services.sense(list(info.services))
         self._methods = info.methods
         if WATCHDOG in info.services:
@@ -147,7 +152,7 @@ class Nao(MotionRobot):
         self.modules.offer_again()
         self.motor.choose_again()
         self.walk.send_steps()
-        self.send_limits()
+        self.limits.send()
 
     def _connect(self, info: NaoInfo) -> None:
         """Read the settings of the services again, and follow what was followed before."""
@@ -169,7 +174,7 @@ class Nao(MotionRobot):
         for name in info.leds:
             create(NaoLed, name, channel, name)
         create(NaoSpeaker, "speaker", channel, self.log)
-        self.camera = create(NaoCamera, "camera", channel, self.log, lambda: bool(self.link.sensed))
+        self.camera = create(NaoCamera, "camera", channel, self.log, self.arrival.is_up)
         self.micro = create(NaoMicro, "micro", channel)
         self.voice = create(NaoVoice, "tts", channel, self.log)
         self.speech = create(NaoSpeech, "speech", channel, self.log)
@@ -183,11 +188,11 @@ class Nao(MotionRobot):
 
     def _has_tree(self, problem: str) -> None:
         if problem:
-            self.answer_open(BadConfig(problem))
+            self.arrival.answer(BadConfig(problem))
             return
         self._complete = True
-        self.send_limits()
-        self.wait_for_readings()
+        self.limits.send()
+        self.arrival.wait_for_readings()
 
     def is_complete(self) -> bool:
         return self._complete
@@ -200,7 +205,7 @@ class Nao(MotionRobot):
 
     def explain_standing(self) -> str:
         """The reason why the robot cannot walk or balance, in words; "" if it may."""
-        if not self.link.sensed:
+        if not self.arrival.is_up():
             return LINK_DOWN
         if self.fallen.sensed is True:
             return FALLEN
@@ -244,7 +249,7 @@ class Nao(MotionRobot):
             return
         if fallen is not self.fallen.sensed:
             self.fallen.sense(fallen, stamp)
-            self.show_part("robot", FALLEN if fallen else "")
+            self.report.show_part("robot", FALLEN if fallen else "")
 
     def on_happened(self, message: m.DeviceReport) -> None:
         """See ``WiredRobot``: an event of ALMemory, or a call of a module."""
@@ -264,7 +269,6 @@ class Nao(MotionRobot):
         if message.device == WALK and self._complete:
             self.walk.halted()
             self.call("robot.mobility", "fail", message.reason)
-        super().on_refused(message)
 
     def on_link_down(self, reason: str) -> None:
         if self._built:
@@ -384,7 +388,7 @@ class Nao(MotionRobot):
         return number
 
     def _next(self) -> int:
-        if not self.link.sensed:
+        if not self.arrival.is_up():
             raise ValueError(LINK_DOWN)
         self._count += 1
         return self._count

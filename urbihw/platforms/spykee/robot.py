@@ -22,7 +22,8 @@ from urbihw.kernel.uobject import (
     reading,
     set_range,
 )
-from urbihw.platforms.base import LINK_DOWN, WiredRobot
+from urbihw.platforms.arrival import LINK_DOWN
+from urbihw.platforms.base import WiredRobot
 from urbihw.platforms.hooks import LimitedDevice
 from urbihw.platforms.spykee import protocol as p
 from urbihw.platforms.spykee import words
@@ -98,7 +99,7 @@ class Spykee(WiredRobot):
 
     def status(self) -> str:
         """Return the name of the robot and its charge."""
-        if not self.link.sensed:
+        if not self.arrival.is_up():
             return "link down"
         power = "charging" if self.charging.sensed else f"battery {self.power.sensed:.0f} %"
         return f"{self.robotName.sensed or self.uid.sensed}, {power}"
@@ -117,12 +118,12 @@ class Spykee(WiredRobot):
             self.host.run(path.read_text("latin-1"), path.name, self._has_tree)
             return
         self.micro.reset_numbers()
-        self.send_limits()
+        self._send_limits()
 
     def _identify(self, info: SpykeeRobotInfo) -> None:
         self.uid.sense(info.uid)
         self.robotName.sense(info.name)
-        self.identify(name=info.name, serial=info.uid)
+        self.identity.show(name=info.name, serial=info.uid)
         self.firmware.sense(info.firmware)
         self.onDock.sense(info.docked)
         self._load_calibration()
@@ -143,11 +144,11 @@ class Spykee(WiredRobot):
 
     def _has_tree(self, problem: str) -> None:
         if problem:
-            self.answer_open(BadConfig(problem))
+            self.arrival.answer(BadConfig(problem))
             return
         self._complete = True
-        self.send_limits()
-        self.wait_for_readings()
+        self._send_limits()
+        self.arrival.wait_for_readings()
 
     def is_complete(self) -> bool:
         """Return whether the tree is built and the robot was measured once."""
@@ -157,14 +158,15 @@ class Spykee(WiredRobot):
         """Return the two tracks by name."""
         return dict(zip(TRACKS, self.tracks, strict=True)) if self._built else {}
 
-    def send_limits(self) -> None:
-        """Also warn of a speed that was meant as a share of 1 or as m/s: with less than 1 % no track runs."""
-        super().send_limits()
+    def _send_limits(self) -> None:
+        """Send the limits, and warn of a speed that was meant as a share of 1 or as m/s: with less than 1 % no track
+        runs."""
+        self.limits.send()
         for name in TRACKS:
-            if self.limits.device(name).speed < 1:
+            if self.limits.settings.device(name).speed < 1:
                 self.log.warning(
                     "%s = %g is percent of full power, so %s does not run; for a third of full power write 33",
-                    self.limits.named("speed", name), self.limits.device(name).speed, name,
+                    self.limits.settings.named("speed", name), self.limits.settings.device(name).speed, name,
                 )  # fmt: skip
 
     # ---------------------------------------------------------------- what the worker says
@@ -215,7 +217,7 @@ class Spykee(WiredRobot):
     @function("explainOff")
     def explain_off(self) -> str:
         """Return the reason why the tracks do not run, in words; "" if they do."""
-        if not self.link.sensed:
+        if not self.arrival.is_up():
             return LINK_DOWN
         return DOCKED if self.onDock.sensed else ""
 
@@ -252,7 +254,7 @@ class Spykee(WiredRobot):
     def _send_volume(self, volume: int) -> None:
         self.volume.sense(float(volume))
         # A robot that is absent gets it when it comes.
-        if self.link.sensed or not self.opening:
+        if self.arrival.is_up() or not self.arrival.opening:
             self.channel.write("play", "volume", volume, self._warn("volume"))
 
     @function("tracksFor")
@@ -314,7 +316,7 @@ class Spykee(WiredRobot):
 
     def check_link(self) -> None:
         """Raise ValueError while the link is down."""
-        if not self.link.sensed:
+        if not self.arrival.is_up():
             raise ValueError(LINK_DOWN)
 
     def _warn(self, what: str) -> Any:
