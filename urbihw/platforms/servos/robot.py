@@ -22,7 +22,6 @@ from urbihw.platforms.servos.devices import ServoBusDevice
 from urbihw.platforms.servos.frame import JointFrame, frame_of
 from urbihw.platforms.servos.motors import ServoMotor
 from urbihw.platforms.servos.options import CALIBRATION, for_driver
-from urbihw.platforms.servos.registers import RegisterDevice
 from urbihw.platforms.teach.motions import TaughtMotions
 
 _OF_ANOTHER: Final = "it belongs to another robot, which is gone"
@@ -387,8 +386,7 @@ class ServoRobot(WiredRobot):
         name = f"{made.kind_of_device}{info.id}"
         device = self.host.create(made, name, self.channel, info, self._report_refused, *joint)
         device.log, device.state_changed = self.log, self.report.show
-        if isinstance(device, RegisterDevice):
-            device.motion = self.motion
+        device.motion = self.motion
         if isinstance(device, ServoMotor):
             device.mode_changed = self.limits.send
         if self._missing.pop(info.id, 0) is None:
