@@ -106,7 +106,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.platforms.remembered": ("urbihw.files",),
     "urbihw.platforms.words": (),
     "urbihw.platforms.taken": (),
-    "urbihw.platforms.identity": ("urbihw.kernel.uobject",),
+    "urbihw.platforms.identity": ("urbihw.kernel.uobject", "urbihw.settings"),
     "urbihw.platforms.hooks": ("urbihw.buses", "urbihw.platforms.limits"),
     "urbihw.platforms.session": ("urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings"),
     "urbihw.platforms.problems": ("urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.devicelog"),

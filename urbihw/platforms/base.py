@@ -13,12 +13,13 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import ClassVar
 
 from urbihw.buses import messages as m
 from urbihw.buses.driver import driver_of
 from urbihw.buses.supervisor import Supervisor
-from urbihw.kernel.uobject import DevicePart, Opened, PlatformRobot, RobotSettings, function
+from urbihw.kernel.uobject import BadConfig, DevicePart, Opened, PlatformRobot, RobotSettings, function
 from urbihw.platforms.arrival import Arrival
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.devicelog import DeviceLog
@@ -37,8 +38,8 @@ from urbihw.platforms.words import ROBOT
 class WiredRobot(RobotHooks, PlatformRobot):
     """A robot on one wire.
 
-    A subclass sets ``family`` and ``robot_name`` and implements ``status``, ``on_found``, ``on_samples`` and
-    ``is_complete``; the other hooks do nothing by default.  It writes and reads through ``channel``.
+    A subclass sets ``family`` and ``robot_name`` and implements ``summary``, ``on_found``, ``on_samples``
+    and ``is_complete``; the other hooks do nothing by default.  It writes and reads through ``channel``.
     """
 
     parts: ClassVar[tuple[type[DevicePart], ...]] = (
@@ -54,6 +55,8 @@ class WiredRobot(RobotHooks, PlatformRobot):
     def init(self) -> None:
         """Called by ``new``; nothing happens before ``open``."""
         name = self.robot_name
+        self.has_tree = False
+        """Whether ``build_tree`` is over."""
         self.offset = 0.0
         """Kernel's time = worker's time + offset, in seconds."""
         self.expected: tuple[m.ExpectedDevice, ...] = ()
@@ -119,6 +122,9 @@ class WiredRobot(RobotHooks, PlatformRobot):
         """
         self.guard.halt_all(self.motion.asked())
 
+    def status(self) -> str:
+        return self.summary() if self.arrival.is_up() else "link down"
+
     def alive(self) -> bool:
         return self.worker.alive()
 
@@ -128,6 +134,23 @@ class WiredRobot(RobotHooks, PlatformRobot):
 
     def waits_for(self) -> str:
         return self.arrival.awaited
+
+    # ---------------------------------------------------------------- what a subclass calls
+
+    def build_tree(self, file: Path) -> None:
+        """Run the program that builds the standard robot API; then send the limits, and wait for the first readings.
+
+        If the program fails, ``open`` is answered with BadConfig.
+        """
+        self.host.run(file.read_text("latin-1"), file.name, self._tree_built)
+
+    def _tree_built(self, problem: str) -> None:
+        if problem:
+            self.arrival.answer(BadConfig(problem))
+            return
+        self.has_tree = True
+        self.limits.send()
+        self.arrival.wait_for_readings()
 
     def call_later(self, seconds: float, action: Callable[[], None]) -> Callable[[], None]:
         """Call ``action`` once after some seconds; return a function that cancels it."""

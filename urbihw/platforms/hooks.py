@@ -1,7 +1,6 @@
 """What a platform with one wire implements: the hooks that ``WiredRobot`` and its parts call.
 
-``on_found``, ``on_samples``, ``is_complete`` and ``status`` (see ``PlatformRobot``) must be there; the others do
-nothing.
+``on_found``, ``on_samples``, ``is_complete`` and ``summary`` must be there; the others do nothing.
 """
 
 from __future__ import annotations
@@ -38,6 +37,10 @@ class RobotHooks:
     """Its name in the log, and the value of ``name`` for a robot that has none."""
     model_name: ClassVar[str] = ""
     """The value of ``model`` for a robot that does not tell it."""
+
+    def summary(self) -> str:
+        """Return the status of the robot in a few words, while the link is up: see ``status`` of ``PlatformRobot``."""
+        raise NotImplementedError
 
     def has_own_limits(self) -> bool:
         """Return whether devices have limits of their own, besides those of the settings."""

@@ -7,13 +7,13 @@ The slots belong to the object of the platform (``nxt``, ``P3dx``); the tree ``r
 
 from __future__ import annotations
 
-import ipaddress
 import socket
 import threading
 from typing import Final
 from urllib.parse import urlsplit
 
 from urbihw.kernel.uobject import NIL, DevicePart, UObject, reading
+from urbihw.settings import is_address
 
 NETWORK_SCHEMES: Final = frozenset({"socket", "spykee", "qi", "qis", "libqi", "libqis"})
 """Schemes of bus urls whose host is the robot, or what connects it to the network."""
@@ -48,7 +48,7 @@ class RobotIdentity(DevicePart):
             self.device.notify_access(self.IP, lambda: self.IP.sense(own_address()))
             return
         host = parts.hostname or ""
-        if not host or _is_address(host):
+        if not host or is_address(host):
             self.IP.sense(host)
             return
         # The name service may take seconds.
@@ -70,11 +70,3 @@ def own_address() -> str:
         except OSError:
             return LOOPBACK
         return str(probe.getsockname()[0])
-
-
-def _is_address(host: str) -> bool:
-    try:
-        ipaddress.ip_address(host)
-    except ValueError:
-        return False
-    return True

@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import Final
 
 from urbihw.buses import messages as m
-from urbihw.kernel.uobject import BadConfig, Opened, Origin, RobotSettings, event, function
+from urbihw.kernel.uobject import Opened, Origin, RobotSettings, event, function
 from urbihw.platforms.base import WiredRobot
 from urbihw.platforms.cia402 import words
 from urbihw.platforms.cia402.servo import ServoDrive
 from urbihw.platforms.devicelog import LOST, DeviceEvent
 from urbihw.platforms.hooks import LimitedDevice
 from urbihw.platforms.teach.motions import TaughtMotions
+from urbihw.platforms.words import counted
 
 BACK_OFF: Final = DeviceEvent("{who} is back, and off", "{count} drives are back, and off: {who}", "back")
 TREE: Final = "cia402.u"
@@ -43,18 +44,15 @@ class Cia402(WiredRobot):
         super().init()
         self.motions = TaughtMotions(self, self.robot_name, self.motion, self.log)
         self.members: dict[int, ServoDrive] = {}
-        self._is_built = False
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
         self.motions.use_folder(settings.motions)
         super().open(settings, opened)
 
-    def status(self) -> str:
+    def summary(self) -> str:
         """Return the number of drives, the rate, and which are lost."""
-        if not self.arrival.is_up():
-            return "link down"
         lost = [str(number) for number, drive in self.members.items() if drive.state.sensed == "lost"]
-        count = f"{len(self.members)} drive{'s' if len(self.members) != 1 else ''}" + self.worker.rate_words()
+        count = counted(len(self.members), "drive") + self.worker.rate_words()
         return count + (f", lost: {' '.join(lost)}" if lost else "")
 
     @function
@@ -85,21 +83,14 @@ class Cia402(WiredRobot):
             self.members[info.id] = drive
             if not info.watches:
                 self.log.warning("drive %d cannot watch us: it goes on if this machine dies", info.id)
-        self.limits.send()
-        if not self.arrival.tree_begun:
-            path = Path(__file__).with_name(TREE)
-            self.host.run(path.read_text("latin-1"), path.name, self._on_tree_built)
+        if self.arrival.tree_begun:
+            self.limits.send()
+        else:
+            self.build_tree(Path(__file__).with_name(TREE))
 
     def limited_devices(self) -> Mapping[str, LimitedDevice]:
         """Return the drives as ``drive1`` to ``driveN``."""
         return {f"drive{number}": drive for number, drive in self.members.items()}
-
-    def _on_tree_built(self, problem: str) -> None:
-        if problem:
-            self.arrival.answer(BadConfig(problem))
-        else:
-            self._is_built = True
-            self.arrival.wait_for_readings()
 
     def on_samples(self, message: m.Samples) -> None:
         """Pass the values of each drive to it."""
@@ -110,7 +101,7 @@ class Cia402(WiredRobot):
 
     def is_complete(self) -> bool:
         """Return whether the tree is built and all drives have been read once."""
-        return self._is_built and bool(self.members) and not any(drive.stale.sensed for drive in self.members.values())
+        return self.has_tree and bool(self.members) and not any(drive.stale.sensed for drive in self.members.values())
 
     def on_happened(self, message: m.DeviceReport) -> None:
         """Show an emergency message, and log a node that is not commanded."""

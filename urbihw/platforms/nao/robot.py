@@ -14,7 +14,6 @@ from typing import Any, Final
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import (
     NIL,
-    BadConfig,
     Opened,
     RobotSettings,
     event,
@@ -108,7 +107,7 @@ class Nao(WiredRobot):
         self._methods: Mapping[str, tuple[str, ...]] = {}
         self._count = 0
         self._moving: set[int] = set()
-        self._built = self._complete = False
+        self._built = False
         set_range(self.volume, 0.0, 100.0)
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
@@ -117,22 +116,20 @@ class Nao(WiredRobot):
         super().open(settings, opened)
 
     def configure(self, settings: RobotSettings) -> None:
-        """See ``WiredRobot``.  Raises BadConfig."""
+        """Apply new settings, also to the control of the motors.  Raises BadConfig."""
         super().configure(settings)
         self._settings = settings
         if self._built:
             self.motor.configure(settings)
 
-    def status(self) -> str:
-        if not self.arrival.is_up():
-            return "link down"
+    def summary(self) -> str:
         stiff = sum(joint.load.sensed > 0 for joint in self.joints.values())
         return f"{self.identity.model.sensed}, {stiff} of {len(self.joints)} joints stiff" + self.worker.rate_words()
 
     # ---------------------------------------------------------------- what is there
 
     def on_found(self, message: m.Found) -> None:
-        """See ``WiredRobot``.  Comes again when the link is back; the objects are made once."""
+        """Make the objects at the first connection; after each later one, connect them again."""
         (info,) = message.devices
         self.identity.show(name=info.name, model=info.model, serial=info.serial)
         self.services.sense(list(info.services))
@@ -144,8 +141,7 @@ class Nao(WiredRobot):
         if not self._built:
             self._build(info)
             self._connect(info)
-            path = Path(__file__).with_name(TREE)
-            self.host.run(path.read_text("latin-1"), TREE, self._has_tree)
+            self.build_tree(Path(__file__).with_name(TREE))
             return
         self._connect(info)
         self.walk.halted()
@@ -186,19 +182,11 @@ class Nao(WiredRobot):
         self._sensors = [create(kind, name, item) for name, (kind, item) in SENSOR_OBJECTS.items()]
         self._sensors += [create(NaoBattery, "battery"), create(NaoFsr, "fsr")]
 
-    def _has_tree(self, problem: str) -> None:
-        if problem:
-            self.arrival.answer(BadConfig(problem))
-            return
-        self._complete = True
-        self.limits.send()
-        self.arrival.wait_for_readings()
-
     def is_complete(self) -> bool:
-        return self._complete
+        return self.has_tree
 
     def limited_devices(self) -> Mapping[str, LimitedDevice]:
-        """See ``WiredRobot``: the joints that have a motor of their own, and walking."""
+        """Return the joints that have a motor of their own, and walking."""
         if not self._built:
             return {}
         return {name: joint for name, joint in self.joints.items() if name not in SHARED_MOTORS} | {WALK: self.walk}
@@ -252,7 +240,7 @@ class Nao(WiredRobot):
             self.report.show_part("robot", FALLEN if fallen else "")
 
     def on_happened(self, message: m.DeviceReport) -> None:
-        """See ``WiredRobot``: an event of ALMemory, or a call of a module."""
+        """Handle an event of ALMemory, or a call of a module."""
         if message.device == MODULE:
             self.modules.handle(message)
             return
@@ -266,7 +254,7 @@ class Nao(WiredRobot):
     def on_refused(self, message: m.Refused) -> None:
         if message.device == MOTORS and self._built:
             self.motor.was_refused(message)
-        if message.device == WALK and self._complete:
+        if message.device == WALK and self.has_tree:
             self.walk.halted()
             self.call("robot.mobility", "fail", message.reason)
 
@@ -277,7 +265,7 @@ class Nao(WiredRobot):
             self.fallen.sense(NIL)
             for device in (*self.joints.values(), *self._sensors):
                 device.mark_stale()
-        if self._complete:
+        if self.has_tree:
             # It walks on, but will be stopped when the link is back: no speed is kept.
             self.send("robot.mobility.lose;")
 

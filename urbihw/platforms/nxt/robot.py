@@ -42,6 +42,7 @@ from urbihw.platforms.nxt.sensors import (
     SoundSensor,
     UltraSonicSensor,
 )
+from urbihw.platforms.words import counted
 from urbihw.settings import BadSetting
 
 _DEVICES: Final = (
@@ -104,13 +105,11 @@ class Nxt(Brick):
             self._laser.close()
         super().close()
 
-    def status(self) -> str:
+    def summary(self) -> str:
         """Return the brick's name and the numbers of motors and sensors."""
-        if not self.arrival.is_up():
-            return "link down"
         motors = sum(isinstance(device, NxtServo) for device in self.ports)
         sensors = sum(isinstance(device, Sensor | I2CSensor) for device in self.ports)
-        return f'"{self.identity.name_.sensed}", {_count(motors, "motor")}, {_count(sensors, "sensor")}'
+        return f'"{self.identity.name_.sensed}", {counted(motors, "motor")}, {counted(sensors, "sensor")}'
 
     # ---------------------------------------------------------------- what urbiscript calls
 
@@ -280,7 +279,3 @@ class Nxt(Brick):
             self.arrival.answer(None)
         else:
             self.arrival.wait_for_readings()
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number} {word}" if number == 1 else f"{number} {word}s"

@@ -136,10 +136,8 @@ class P3dx(ArcosRobot):
             self.camera.close()
         super().close()
 
-    def status(self) -> str:
+    def summary(self) -> str:
         """Return the model, the name, the voltage, and the states of motors and laser."""
-        if not self.arrival.is_up():
-            return "link down"
         parts = [f"{self.identity.model.sensed} {self.identity.name_.sensed!r}", f"{self.battery.voltage.sensed:.1f} V"]
         parts.append("motors on" if self._motors else "motors off")
         if self.laser.state.sensed != "off":

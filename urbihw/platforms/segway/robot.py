@@ -89,10 +89,8 @@ class Segway(WiredRobot):
             self._laser.close()
         super().close()
 
-    def status(self) -> str:
+    def summary(self) -> str:
         """Return the model, the voltage of the battery and the rate."""
-        if not self.arrival.is_up():
-            return "link down"
         if self.state.sensed != "ok":
             return "base lost"
         volts = f", {self._raw['battery'] / 4:.0f} V" if "battery" in self._raw else ""

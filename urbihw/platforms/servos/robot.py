@@ -23,6 +23,7 @@ from urbihw.platforms.servos.frame import JointFrame, frame_of
 from urbihw.platforms.servos.motors import ServoMotor
 from urbihw.platforms.servos.options import CALIBRATION, for_driver
 from urbihw.platforms.teach.motions import TaughtMotions
+from urbihw.platforms.words import counted
 
 _OF_ANOTHER: Final = "it belongs to another robot, which is gone"
 LEFT: Final = DeviceEvent(
@@ -200,13 +201,11 @@ class ServoRobot(WiredRobot):
         """With the default of 20 ms a movement would give a bus of 100 Hz a new goal in every second tick only."""
         self.host.run(f"System.period = {1 / rate!r};", f"{self.robot_name}.period")
 
-    def status(self) -> str:
+    def summary(self) -> str:
         """Return the number of devices of each kind, the rate, and which are lost."""
-        if not self.arrival.is_up():
-            return "link down"
         lost = [str(number) for number, device in self.devices.items() if device.state.sensed == "lost"]
         shown = [kind for kind, table in self.tables.items() if table.members or kind not in _OPTIONAL]
-        parts = [_count(len(self.tables[kind].members), _STATUS_WORDS[kind]) for kind in shown]
+        parts = [counted(len(self.tables[kind].members), _STATUS_WORDS[kind]) for kind in shown]
         parts[-1] += self.worker.rate_words()
         missing = f", missing: {' '.join(map(str, self._missing))}" if self._missing else ""
         return ", ".join(parts) + (f", lost: {' '.join(lost)}" if lost else "") + missing
@@ -257,7 +256,7 @@ class ServoRobot(WiredRobot):
             device.link_changed(False)
 
     def signed_target(self, device: Any, item: str, raw: Any) -> float:
-        """See ``WiredRobot``: the speed of an AX wheel has its sign in a bit."""
+        """Return a raw target as a signed number: the speed of an AX wheel has its sign in a bit."""
         scale = self._wheel_scale(device, item)
         return float(raw) if scale is None else scale[0].speed_of(int(raw)) * scale[1]
 
@@ -477,7 +476,3 @@ class ServoRobot(WiredRobot):
     def _report_refused(self, device: ServoBusDevice, slot: str, reason: str) -> None:
         self.log.warning("%s %d: %s not written: %s", device.kind_of_device, device.number, slot, reason)
         self.refused.emit(device, slot, reason)
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number} {word}" if number == 1 else f"{number} {word}s"

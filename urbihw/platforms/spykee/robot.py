@@ -73,7 +73,7 @@ class Spykee(WiredRobot):
         self._options = SpykeeOptions()
         self._calibration = Calibration(self._options.full_speed, self._options.full_turn)
         self._count = 0
-        self._built = self._complete = self._measured = False
+        self._built = self._measured = False
         set_range(self.volume, 0.0, 100.0)
         self.notify_change(self.volume, self._write_volume)
 
@@ -88,6 +88,7 @@ class Spykee(WiredRobot):
         """Apply new options and settings, and load the calibration again."""
         self._read_options(settings)
         super().configure(settings)
+        self._check_limits()
         if self._built:
             self._load_calibration()
 
@@ -97,10 +98,8 @@ class Spykee(WiredRobot):
         except BadSetting as error:
             raise BadConfig(f"spykee: {error}") from error
 
-    def status(self) -> str:
+    def summary(self) -> str:
         """Return the name of the robot and its charge."""
-        if not self.arrival.is_up():
-            return "link down"
         power = "charging" if self.charging.sensed else f"battery {self.power.sensed:.0f} %"
         return f"{self.robotName.sensed or self.uid.sensed}, {power}"
 
@@ -110,15 +109,15 @@ class Spykee(WiredRobot):
         """Make the objects at the first connection; after each later one, restart the sound stream."""
         (info,) = message.devices
         self._identify(info)
+        self._check_limits()
         # A robot that was switched off has lost its volume.
         self._send_volume(self._options.volume if not self._built else int(self.volume.sensed))
         if not self._built:
             self._build()
-            path = Path(__file__).with_name(TREE)
-            self.host.run(path.read_text("latin-1"), path.name, self._has_tree)
+            self.build_tree(Path(__file__).with_name(TREE))
             return
         self.micro.reset_numbers()
-        self._send_limits()
+        self.limits.send()
 
     def _identify(self, info: SpykeeRobotInfo) -> None:
         self.uid.sense(info.uid)
@@ -142,26 +141,16 @@ class Spykee(WiredRobot):
         self.mp3 = create(SpykeeMp3, "mp3", channel, self.log)
         self.battery = create(SpykeeBattery, "battery")
 
-    def _has_tree(self, problem: str) -> None:
-        if problem:
-            self.arrival.answer(BadConfig(problem))
-            return
-        self._complete = True
-        self._send_limits()
-        self.arrival.wait_for_readings()
-
     def is_complete(self) -> bool:
         """Return whether the tree is built and the robot was measured once."""
-        return self._complete and self._measured
+        return self.has_tree and self._measured
 
     def limited_devices(self) -> Mapping[str, LimitedDevice]:
         """Return the two tracks by name."""
         return dict(zip(TRACKS, self.tracks, strict=True)) if self._built else {}
 
-    def _send_limits(self) -> None:
-        """Send the limits, and warn of a speed that was meant as a share of 1 or as m/s: with less than 1 % no track
-        runs."""
-        self.limits.send()
+    def _check_limits(self) -> None:
+        """Warn of a speed that was meant as a share of 1 or as m/s: with less than 1 % no track runs."""
         for name in TRACKS:
             if self.limits.settings.device(name).speed < 1:
                 self.log.warning(
@@ -205,7 +194,7 @@ class Spykee(WiredRobot):
             self.mp3.link_down()
             self._halt_tracks(None)
             self.battery.mark_stale()
-            if self._complete:
+            if self.has_tree:
                 # A movement is computed from the time alone, so its position is unknown now.
                 self.send("Mobility.of(robot).lose;")
 

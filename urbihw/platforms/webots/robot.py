@@ -148,11 +148,10 @@ class Webots(WiredRobot):
             raise BadConfig(f"webots: {error}") from error
         self._wanted = settings
 
-    def status(self) -> str:
+    def summary(self) -> str:
         """Return world, simulator and time."""
-        if not self.arrival.is_up() or self._world is None:
-            return "link down"
-        return f"{self._world.name} in {self._world.simulator}, {len(self._world.devices)} devices, {self.mode.sensed}"
+        world = self.world
+        return f"{world.name} in {world.simulator}, {len(world.devices)} devices, {self.mode.sensed}"
 
     def waits_for(self) -> str:
         """See ``Robot``: it waits for a binding file that does not end, too."""
