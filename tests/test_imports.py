@@ -124,17 +124,29 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.platforms.remembered": ("urbihw.files",),
     "urbihw.platforms.words": (),
     "urbihw.platforms.taken": (),
-    "urbihw.platforms.identity": ("urbihw.kernel.uobject",),
-    "urbihw.platforms.arrival": ("urbihw.kernel.uobject",),
-    "urbihw.platforms.hooks": ("urbihw.buses", "urbihw.platforms.identity", "urbihw.platforms.limits"),
+    "urbihw.platforms.identity": ("urbihw.kernel.uobject", "urbihw.settings"),
+    "urbihw.platforms.hooks": ("urbihw.buses", "urbihw.platforms.limits"),
+    "urbihw.platforms.session": ("urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings"),
+    "urbihw.platforms.problems": ("urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.devicelog"),
     "urbihw.platforms.guarded": (
-        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.control_address", "urbihw.platforms.channel",
-        "urbihw.platforms.clipping", "urbihw.platforms.devicelog", "urbihw.platforms.hooks", "urbihw.platforms.limits",
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.control_address", "urbihw.platforms.devicelog",
+        "urbihw.platforms.hooks",
+    ),  # fmt: skip
+    "urbihw.platforms.limited": (
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.channel", "urbihw.platforms.clipping",
+        "urbihw.platforms.devicelog", "urbihw.platforms.hooks", "urbihw.platforms.limits",
+    ),  # fmt: skip
+    "urbihw.platforms.arrival": (
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.repeats", "urbihw.platforms.devicelog",
+        "urbihw.platforms.guarded", "urbihw.platforms.hooks", "urbihw.platforms.problems",
+        "urbihw.platforms.remembered",
     ),  # fmt: skip
     "urbihw.platforms.base": (
-        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.platforms.arrival",
-        "urbihw.platforms.expected", "urbihw.platforms.guarded", "urbihw.platforms.limits",
-        "urbihw.platforms.remembered", "urbihw.platforms.words",
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.arrival", "urbihw.platforms.channel",
+        "urbihw.platforms.devicelog", "urbihw.platforms.expected", "urbihw.platforms.guarded",
+        "urbihw.platforms.hooks", "urbihw.platforms.identity", "urbihw.platforms.limited", "urbihw.platforms.limits",
+        "urbihw.platforms.problems", "urbihw.platforms.remembered", "urbihw.platforms.session",
+        "urbihw.platforms.words",
     ),  # fmt: skip
     "urbihw.platforms.channel": ("urbihw.kernel.uobject", "urbihw.buses"),
     "urbihw.platforms.clipping": ("urbihw.buses",),
@@ -157,7 +169,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     ),  # fmt: skip
     # Motions recorded, kept and played, for every robot with joints.
     "urbihw.platforms.teach": (
-        "urbihw.kernel.uobject", "urbihw.settings", "urbihw.files", "urbihw.platforms.base",
+        "urbihw.kernel.uobject", "urbihw.settings", "urbihw.files", "urbihw.platforms.devicelog",
     ),  # fmt: skip
     # Servos as objects, for every robot on a servo bus.
     "urbihw.platforms.servos": (
@@ -167,7 +179,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     ),  # fmt: skip
     ROBOT: (
         "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.extras", "urbihw.platforms.base",
-        "urbihw.platforms.channel", "urbihw.platforms.expected", "urbihw.platforms.hooks", "urbihw.platforms.limits",
+        "urbihw.platforms.arrival", "urbihw.platforms.channel", "urbihw.platforms.expected", "urbihw.platforms.hooks",
+        "urbihw.platforms.limits",
         "urbihw.platforms.devicelog", "urbihw.platforms.streamed", "urbihw.platforms.measured",
         "urbihw.platforms.camera", "urbihw.platforms.jpeg",
         "urbihw.platforms.speaker", "urbihw.platforms.sound", "urbihw.platforms.words", "urbihw.platforms.servos",

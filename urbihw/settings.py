@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import copy
 import difflib
+import ipaddress
 import math
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -56,6 +57,15 @@ def escape_unprintable(text: str) -> str:
 def one_line(text: str) -> str:
     """A text for a terminal or a log: unprintable characters are escaped, and a long text is truncated."""
     return escape_unprintable(text if len(text) <= MAX_LINE_LENGTH else text[:MAX_LINE_LENGTH] + "...")
+
+
+def is_address(host: str) -> bool:
+    """Return whether a text is an address of IP, and no name."""
+    try:
+        ipaddress.ip_address(host)
+    except ValueError:
+        return False
+    return True
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,8 @@ from urbihw.kernel import Kernel
 from urbihw.kernel.process import KernelProcess
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.uobject import PlatformRobot, RobotSettings
-from urbihw.platforms.base import SILENCE_TIMEOUT_S, WiredRobot
+from urbihw.platforms.base import WiredRobot
+from urbihw.platforms.session import SILENCE_TIMEOUT_S
 
 
 class Manager(ServiceNotifier):

@@ -371,6 +371,6 @@ class Scene:
         self._put(new)
 
     def _put(self, worker: HandWorker) -> None:
-        self.lab.worker = self.lab.robot._worker = worker
+        self.lab.worker = self.lab.robot.worker.handle = worker
         if hasattr(self.lab, "workers"):
             self.lab.workers = [worker]

@@ -189,14 +189,14 @@ def test_clients_come_in_only_when_the_tree_is_built(platform: str, monkeypatch:
     lab = importlib.import_module(f"{platform}_lab").Lab()
     lab.run(0)
     built: list[bool] = []
-    answer = lab.robot.answer_open
+    answer = lab.robot.arrival.answer
 
     def look(error: object) -> None:
-        if lab.robot.opening:
+        if lab.robot.arrival.opening:
             built.append("body" in getattr(lab.kernel.world.global_.slots.get("robot"), "slots", ()))
         answer(error)
 
-    monkeypatch.setattr(lab.robot, "answer_open", look)
+    monkeypatch.setattr(lab.robot.arrival, "answer", look)
     # The worker is ahead of a kernel that is busy: what it found and what it measured come in the same round.
     with monkeypatch.context() as busy:
         busy.setattr(lab.kernel.scheduler, "run_simulated", lambda until=None: lab.clock.idle(until))

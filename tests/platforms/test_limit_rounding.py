@@ -100,8 +100,8 @@ ROWS = {
 
 
 def limit(lab: RobotLab, table: Mapping[str, Any]) -> None:
-    lab.robot.limits = LimitSettings.of(table)
-    lab.robot.send_limits()
+    lab.robot.limits.settings = LimitSettings.of(table)
+    lab.robot.limits.send()
     lab.run(0.05)
 
 

@@ -178,7 +178,7 @@ def test_what_a_worker_that_is_gone_held_is_forgotten() -> None:
     lab = Bioloid.ready(limits={"temperature": [20, 25, 30]})
     lab.run(1.5)
     assert lab.robot.motion.held
-    lab.robot.limits = LimitSettings.of({})
+    lab.robot.limits.settings = LimitSettings.of({})
     assert lab.worker is not None
     lab.worker._post(m.Held({}))
     lab.say("1;", 0.1)

@@ -6,9 +6,9 @@ import importlib
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final, NamedTuple
 
-from urbihw.buses.errors import BadValue
+from urbihw.buses.errors import BadValue, BusError, LinkGone
 from urbihw.buses.link import Port
-from urbihw.buses.messages import Configure, FromWorker, Limit, Request, Targets, Watch
+from urbihw.buses.messages import Configure, FromWorker, Limit, Refused, Reply, Request, Targets, Watch
 from urbihw.buses.readings import Quantity, Reading, reading_of
 
 # Protocol family -> driver class. The driver of a single robot lives in its platform and is named "module:Class".
@@ -44,8 +44,9 @@ class Driver:
     open port and finds the devices; when it raises Unavailable (no answer, wrong firmware) the engine tries again
     later. `detach` reports that the port is closed. Between the two the engine calls `tick`, `targets`, `watch`,
     `request` and `safe_stop`; all of them may raise LinkGone. `targets`, `watch` and `request` may also be called
-    without a port. `errors` counts failures since `attach`. Watches outlive the port, targets do not. `tick` should
-    call `meanwhile` while the wire is busy, must not block for longer than a tick, and returns early between two
+    without a port. `targets` calls `set_target` for each, and `request` calls `execute_request`: a driver implements
+    these two. `errors` counts failures since `attach`. Watches outlive the port, targets do not. `tick` should call
+    `meanwhile` while the wire is busy, must not block for longer than a tick, and returns early between two
     transactions when `urgent()`.
 
     Attributes:
@@ -91,15 +92,34 @@ class Driver:
         raise NotImplementedError
 
     def targets(self, message: Targets) -> list[FromWorker]:
-        """Accept targets for the next tick.  Raises LinkGone."""
+        """Accept targets for the next tick; return a `Refused` for each that is not.  Raises LinkGone."""
+        refused: list[FromWorker] = []
+        for (device, item), value in message.values.items():
+            try:
+                self.set_target(device, item, value)
+            except BadValue as error:
+                refused.append(Refused(device, item, str(error)))
+        return refused
+
+    def set_target(self, device: Any, item: str, value: Any) -> None:
+        """Accept one target for the next tick; without a port it is dropped.  Raises BadValue, LinkGone."""
         raise NotImplementedError
 
     def watch(self, message: Watch, now: float) -> list[FromWorker]:
-        """Begin, change or end a watch."""
-        raise NotImplementedError
+        """Begin, change or end a watch.  By default nothing happens: each tick reads everything."""
+        return []
 
     def request(self, message: Request) -> list[FromWorker]:
         """Execute a request once; its `Reply` may come in a later tick.  Raises LinkGone."""
+        try:
+            return self.execute_request(message)
+        except LinkGone:
+            raise
+        except BusError as error:
+            return [Reply(message.reply_id, False, error=str(error))]
+
+    def execute_request(self, message: Request) -> list[FromWorker]:
+        """Execute a request; return its `Reply`, if it is there already.  Raises BusError with the reason why not."""
         raise NotImplementedError
 
     def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:

@@ -1,4 +1,4 @@
-"""Who may move a robot, and what stops and limits it, as the daemon sees it: the worker has the last word.
+"""Who may move a robot, and what stops it, as the daemon sees it: the worker has the last word.
 
 ``motion`` decides who may move the robot: each stop advances its epoch, and writes of an older epoch are dropped.  A
 platform whose own code has pending motion cancels it in ``on_halt``.
@@ -6,78 +6,52 @@ platform whose own code has pending motion cancels it in ``on_halt``.
 
 from __future__ import annotations
 
-import logging
 import math
 import os
 from collections.abc import Callable, Hashable
-from functools import partial
 from typing import Any, Final
 
 from urbihw.buses import messages as m
 from urbihw.control_address import local_user
-from urbihw.kernel.uobject import Motion, Origin, event, function, owned, reading
-from urbihw.platforms.channel import DeviceChannel
-from urbihw.platforms.clipping import TargetLimits
+from urbihw.kernel.uobject import DevicePart, Motion, Origin, RobotSettings, UObject, event, function, owned, reading
 from urbihw.platforms.devicelog import DeviceLog
 from urbihw.platforms.hooks import RobotHooks
-from urbihw.platforms.limits import LimitSettings
 
 SAME_STOP_S: Final = 0.05
 """Seconds within which a second stop, with no motion since, counts as the same one: no person is so quick."""
 
 
-class GuardedRobot(RobotHooks):
-    """A robot that can be stopped and limited."""
+class MotionGuard(DevicePart):
+    """Stop, emergency stop and epoch of one robot.
+
+    Attributes:
+        motion: decides who may move it.
+    """
 
     stopped = event()
     released = event()
-    guarded = event()
     estop = owned(False)
     epoch = reading(0.0)
     stops = reading(0.0)
 
-    def init(self) -> None:
-        """Called by ``new``."""
-        self.log = DeviceLog(logging.getLogger(f"urbihw.{self.robot_name}"), self.host.now, self.call_later)
-        self.motion = Motion(self.host, self.robot_name, self._stop_released)
-        self.motion.on_unarmed = self._tell_unarmed
-        self.channel = DeviceChannel(self.send_message, self.motion)
-        self.limits = LimitSettings({}, {})
+    def __init__(
+        self, device: UObject, name: str, send: Callable[[m.ToWorker], None], log: DeviceLog, hooks: RobotHooks
+    ) -> None:
+        """``name`` is that of the robot, for messages; ``send`` passes a message to the worker."""
+        super().__init__(device)
+        self._name, self._send, self._log, self._hooks = name, send, log, hooks
+        self.motion = Motion(self.host, name, self._stop_released)
+        self._resume = True
         self._standstills = 0
-        self._target_limits = TargetLimits(self, self.on_limited)
         self._stop_asked_at = -math.inf
-        self._unknown_limits: set[str] = set()
-        self._has_sent_limits = False
-        self.notify_change(self.estop, self._set_estop)
+        device.notify_change(self.estop, self._set_estop)
 
-    def show_problems(self) -> None:
-        """Show what keeps the robot from working as it should, in the slot ``problems``."""
-        raise NotImplementedError
-
-    def send_message(self, message: m.ToWorker) -> None:
-        """Send a message to the worker, if there is one."""
-        raise NotImplementedError
-
-    def call_later(self, seconds: float, action: Callable[[], None]) -> Callable[[], None]:
-        """Call ``action`` once after some seconds; return a function that cancels it."""
-        handle = 0
-
-        def over() -> None:
-            self.remove_timer(handle)
-            action()
-
-        handle = self.set_timer(seconds, over)
-        return lambda: self.remove_timer(handle)
+    def configure(self, settings: RobotSettings) -> None:
+        """Apply whether movements outlive their client, and the loss of a device or of the link."""
+        self.motion.keep = settings.keep_motion
+        self._resume = settings.resume
 
     # ---------------------------------------------------------------- what urbiscript calls
-
-    @function
-    def stop(self) -> None:
-        """Execute the safe stop of this robot now; statements that begin afterwards may move it again.
-
-        Earlier statements that would move it later end with an error.
-        """
-        self.halt_all(self.motion.asked())
 
     @function
     def rearm(self) -> None:
@@ -109,7 +83,7 @@ class GuardedRobot(RobotHooks):
         """Release the emergency stop of somebody else, by the name that ``estopHolders`` tells."""
         if name not in self.motion.holders.values():
             held = ", ".join(self.motion.holders.values())
-            raise ValueError(f"{name} does not hold {self.robot_name}" + (f"; it is held by {held}" if held else ""))
+            raise ValueError(f"{name} does not hold {self._name}" + (f"; it is held by {held}" if held else ""))
         self._release(lambda user, who: who == name, (name,))
 
     def _set_estop(self) -> None:
@@ -120,11 +94,11 @@ class GuardedRobot(RobotHooks):
             self._release(lambda user, who: user in ("", mine))
             return
         who = str(self.motion.origin())
-        self._end_motion(f"emergency stop by {who}")
+        self.end_motion(f"emergency stop by {who}")
         self.motion.renew()
         # Messages to the worker keep their order, so the latch takes effect here at once.
         self.motion.hold(self.motion.holders | {self._holder(): who})
-        self.send_message(m.EmergencyStop(who, self._holder()))
+        self._send(m.EmergencyStop(who, self._holder()))
         self.estop.sense(True)
 
     def _holder(self) -> str:
@@ -139,10 +113,10 @@ class GuardedRobot(RobotHooks):
         origin, holders = self.motion.origin(), self.motion.holders
         left = {user: who for user, who in holders.items() if not freed(user, who)}
         names = " and ".join(left.values())
-        hint = f'who has pressed it releases it, or say {self.robot_name}.releaseOf("NAME")'
+        hint = f'who has pressed it releases it, or say {self._name}.releaseOf("NAME")'
         if left and len(left) == len(holders):
             raise ValueError(f"an emergency stop of {names} holds: {hint}")
-        self.send_message(m.Release(str(origin), self._holder(), others))
+        self._send(m.Release(str(origin), self._holder(), others))
         if left:
             self.motion.hold(left)
             origin.warn(f"an emergency stop of {names} still holds: {hint}")
@@ -151,7 +125,7 @@ class GuardedRobot(RobotHooks):
             self.motion.order_anew()
         self.estop.sense(bool(left))
 
-    # ---------------------------------------------------------------- what a subclass calls
+    # ---------------------------------------------------------------- what the robot calls
 
     def halt_all(self, reason: str) -> None:
         """Stop the robot; the running job, which asked for the stop, may move it again."""
@@ -161,20 +135,14 @@ class GuardedRobot(RobotHooks):
             self.motion.renew()
             return
         self._stop_asked_at = now
-        self._end_motion(reason)
+        self.end_motion(reason)
         self.motion.renew()
-        self.send_message(m.Stop(self.motion.epoch, reason))
+        self._send(m.Stop(self.motion.epoch, reason))
 
-    def _tell_unarmed(self) -> None:
-        self.show_problems()
-        waiting = self.motion.explain_unarmed()
-        if waiting:
-            self.log.warning("%s", waiting)
-
-    def _end_motion(self, reason: str, epoch: int | None = None) -> None:
+    def end_motion(self, reason: str, epoch: int | None = None) -> None:
         """The robot is stopped: end all motion of the earlier epochs."""
         self.motion.advance(reason, epoch)
-        self.on_halt(reason)
+        self._hooks.on_halt(reason)
         self._publish_stops()
 
     def _publish_stops(self) -> None:
@@ -189,88 +157,53 @@ class GuardedRobot(RobotHooks):
 
     def _stop_released(self, devices: tuple[Hashable, ...], reason: str) -> None:
         """Stop the devices that a client moved whose connection has ended."""
-        self.log.warning("%s: stopped: %s", _names(devices), reason)
-        self.on_halt(reason, devices)
+        self._log.warning("%s: stopped: %s", _names(devices), reason)
+        self._hooks.on_halt(reason, devices)
         self._publish_stops()
-        self.send_message(m.Stop(self.motion.epoch, reason, devices))
-
-    def send_limits(self) -> None:
-        """Send all limits to the worker; called when the devices are known, and when one has changed its mode."""
-        limited = self.has_limits()
-        if not limited and not self._has_sent_limits:
-            return
-        self._has_sent_limits = limited
-        table: dict[tuple[Any, str], m.Limit] = {}
-        thresholds: list[m.Threshold] = []
-        names: dict[str, None] = {}
-        joints = self.joint_names()
-        for name, device in self.limited_devices().items():
-            called = (name, *(joint for joint, device_name in joints.items() if device_name == name))
-            names |= dict.fromkeys(called)
-            limits, own = device.limits_in_counts(self.limits.device(*called), partial(self._named_limit, called))
-            table.update(limits)
-            thresholds += own
-        for name in self.limits.unknown(names):
-            if name not in self._unknown_limits:
-                self._unknown_limits.add(name)
-                self.log.warning("limits.%s: there is no such device; there are: %s", name, ", ".join(names))
-        self._target_limits.set_table(table)
-        self.channel.check_target = self._target_limits.check_target if table else None
-        self.send_message(m.Limits(table, tuple(thresholds)))
-
-    def _named_limit(self, device: tuple[str, ...], kind: str) -> str:
-        """The setting's name of a limit of a device by its names."""
-        return self.limits.named(kind, *device)
+        self._send(m.Stop(self.motion.epoch, reason, devices))
 
     def warn_writer(self, origin: Origin, text: str, *values: Any) -> None:
         """Log that a write was not executed, and warn the client that wrote, unless a stop has ended the write."""
-        self.log.warning(text, *values)
+        self._log.warning(text, *values)
         if self.motion.is_live(origin):
             self.motion.warn(origin, text % values)
 
-    def _end_movements(self, device: Hashable, reason: str) -> None:
-        """End the movements of a device that was lost (``on_lost = "end"``)."""
+    def end_movements(self, device: Hashable, reason: str) -> None:
+        """End the movements of a device."""
         self.motion.end(device, reason)
-        self.on_halt(reason, (device,))
+        self._hooks.on_halt(reason, (device,))
 
-    # ---------------------------------------------------------------- hooks
+    def link_lost(self, reason: str) -> None:
+        """End all motion, unless it is to go on when the link is back (``on_lost``)."""
+        if not self._resume:
+            self.end_motion(f"the link was lost: {reason}")
 
-    def on_limited(self, message: m.Limited) -> None:
-        """A limit of the settings changed a target: inform all devices."""
-        for device in self.limited_devices().values():
-            device.was_limited(message)
-
-    def on_threshold_crossed(self, message: m.ThresholdCrossed) -> None:
-        """A measured value passed a threshold, or left it."""
-        what = "passed" if message.passed else "is back from"
-        self.log.warning("%s: %s %s %s", message.device, message.item, what, message.name, event="limit")
-        self.guarded.emit(str(message.device), message.name, message.passed)
-
-    def on_refused(self, message: m.Refused) -> None:
-        """A target or watch was invalid, or is refused at present."""
-        self.log.warning("%s: %s: %s", message.device, message.item, message.reason)
+    def device_lost(self, device: Hashable, reason: str) -> None:
+        """End the movements of a device, unless they are to go on when it is back (``on_lost``)."""
+        if not self._resume:
+            self.end_movements(device, f"it was lost: {reason}")
 
     # ---------------------------------------------------------------- messages of the worker
 
-    def _show_absence(self, message: m.DeviceState) -> None:
-        if message.device in self.channel.blocked:
-            # It answers, and remains absent for other reasons.
-            return
+    def show_absence(self, message: m.DeviceState) -> None:
+        """Refuse writes to a device that is lost, and accept them when it is back."""
         if message.new == "lost":
             name = f"the {message.device}" if isinstance(message.device, str) else f"device {message.device}"
             self.motion.set_absent(message.device, f"{name} is lost: {message.reason}")
         elif message.new in ("back", "ok"):
             self.motion.set_absent(message.device, "")
 
-    def _handle_stopped(self, message: m.Stopped) -> None:
+    def handle_stopped(self, message: m.Stopped) -> None:
+        """The worker has stopped the robot, or some devices."""
         if message.devices is None:
-            self.log.info("%s stopped: %s", self.robot_name, message.reason, event="stopped")
+            self._log.info("%s stopped: %s", self._name, message.reason, event="stopped")
         if message.devices is None and message.epoch > self.motion.epoch:
-            self._end_motion(message.reason, message.epoch)
-        self.on_stopped(message.reason)
+            self.end_motion(message.reason, message.epoch)
+        self._hooks.on_stopped(message.reason)
         self.stopped.emit(message.reason)
 
-    def _handle_latched(self, message: m.Latched) -> None:
+    def handle_latched(self, message: m.Latched) -> None:
+        """The worker holds the robot in an emergency stop, or has released it."""
         if message.reason:
             self.motion.hold(dict(message.holders))
         else:
@@ -279,10 +212,10 @@ class GuardedRobot(RobotHooks):
         if message.freed:
             stops = " and ".join(message.freed)
             left = f"; that of {message.reason} holds" if message.reason else ""
-            self.log.warning("emergency stop of %s released by %s%s", stops, message.who, left, event="released")
+            self._log.warning("emergency stop of %s released by %s%s", stops, message.who, left, event="released")
         else:
             text = "emergency stop by %s: nothing moves until it is released"
-            self.log.warning(text, message.who or message.reason, event="estop")
+            self._log.warning(text, message.who or message.reason, event="estop")
         if not message.reason:
             self.released.emit(message.who)
 

@@ -1,16 +1,15 @@
-"""What a platform with one wire implements: the hooks that ``WiredRobot`` calls.
+"""What a platform with one wire implements: the hooks that ``WiredRobot`` and its parts call.
 
-``on_found``, ``on_samples``, ``is_complete`` and ``status`` (of ``Robot``) must be there; the others do nothing.
+``on_found``, ``on_samples``, ``is_complete`` and ``summary`` must be there; the others do nothing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 from urbihw.buses import messages as m
-from urbihw.platforms.identity import IdentifiedRobot
-from urbihw.platforms.limits import DeviceLimits, LimitSettings
+from urbihw.platforms.limits import DeviceLimits
 
 LimitNamer = Callable[[str], str]
 """Returns the setting's name of a kind of limit of one device, for messages."""
@@ -29,15 +28,23 @@ class LimitedDevice(Protocol):
         ...
 
 
-class RobotHooks(IdentifiedRobot):
-    """A robot on one wire, as its platform sees it."""
+class RobotHooks:
+    """A robot on one wire, as its platform describes it."""
 
-    limits: LimitSettings
-    """The limits of the settings."""
+    family: ClassVar[str]
+    """The driver of the wire: a row of ``urbihw.buses.driver.FAMILIES``, or "module:Class"."""
+    robot_name: ClassVar[str]
+    """Its name in the log, and the value of ``name`` for a robot that has none."""
+    model_name: ClassVar[str] = ""
+    """The value of ``model`` for a robot that does not tell it."""
 
-    def has_limits(self) -> bool:
-        """Return whether anything is limited; override where devices have limits of their own."""
-        return bool(self.limits)
+    def summary(self) -> str:
+        """Return the status of the robot in a few words, while the link is up: see ``status`` of ``PlatformRobot``."""
+        raise NotImplementedError
+
+    def has_own_limits(self) -> bool:
+        """Return whether devices have limits of their own, besides those of the settings."""
+        return False
 
     def limited_devices(self) -> Mapping[str, LimitedDevice]:
         """Return the devices that can have limits, by the names of their slots."""
@@ -59,6 +66,17 @@ class RobotHooks(IdentifiedRobot):
         """Handle the devices found after the link came up: the first time and after each loss."""
         raise NotImplementedError
 
+    def build_absent(self) -> bool:
+        """Begin to build the tree of a robot that is absent at the start, although nothing of it is known from the last
+        run; return False if that is not possible.
+
+        When the tree is built, ``wait_for_readings`` or ``answer`` of ``arrival`` is called, as after ``on_found``.
+        """
+        return False
+
+    def on_absent(self) -> None:
+        """The robot does not answer at the start, or cannot be served."""
+
     def on_gone(self, message: m.GuestsGone) -> None:
         """Handle devices that were found on another robot, which is gone."""
 
@@ -76,8 +94,14 @@ class RobotHooks(IdentifiedRobot):
     def on_device_state(self, message: m.DeviceState) -> None:
         """Handle the loss or return of a device."""
 
+    def on_threshold_crossed(self, message: m.ThresholdCrossed) -> None:
+        """A measured value passed a threshold, or left it; the limits have shown it."""
+
+    def on_refused(self, message: m.Refused) -> None:
+        """A target or watch was invalid, or is refused at present; it is logged afterwards."""
+
     def unusable_devices(self) -> list[str]:
-        """Return a line for each device that answers and is not used; ``show_problems`` is called when one changes."""
+        """Return a line for each device that answers and is not used; ``report.show`` is called when one changes."""
         return []
 
     def on_statistics(self, message: m.Statistics) -> None:

@@ -7,13 +7,13 @@ The slots belong to the object of the platform (``nxt``, ``P3dx``); the tree ``r
 
 from __future__ import annotations
 
-import ipaddress
 import socket
 import threading
-from typing import ClassVar, Final
+from typing import Final
 from urllib.parse import urlsplit
 
-from urbihw.kernel.uobject import NIL, PlatformRobot, reading
+from urbihw.kernel.uobject import NIL, DevicePart, UObject, reading
+from urbihw.settings import is_address
 
 NETWORK_SCHEMES: Final = frozenset({"socket", "spykee", "qi", "qis", "libqi", "libqis"})
 """Schemes of bus urls whose host is the robot, or what connects it to the network."""
@@ -22,36 +22,33 @@ _ELSEWHERE: Final = ("192.0.2.1", 9)
 """An address that is never used (RFC 5737): only the route to it is looked up."""
 
 
-class IdentifiedRobot(PlatformRobot):
-    """A robot with the slots of Identity and Network.
-
-    A subclass sets ``robot_name`` and ``model_name``, and calls ``identify`` when the robot has told more.
-    """
-
-    robot_name: ClassVar[str]
-    """Its name in the log, and the value of ``name`` for a robot that has none."""
-    model_name: ClassVar[str] = ""
-    """The value of ``model`` for a robot that does not tell it."""
+class RobotIdentity(DevicePart):
+    """The slots of Identity and Network of one robot."""
 
     name_ = reading("", "name")
     model = reading("")
     serial = reading(NIL)
     IP = reading("")
 
-    def identify(self, *, name: str = "", model: str = "", serial: str = "") -> None:
+    def __init__(self, device: UObject, name: str, model: str) -> None:
+        """``name`` and ``model`` are those of a robot that tells none."""
+        super().__init__(device)
+        self._default_name, self._default_model = name, model
+
+    def show(self, *, name: str = "", model: str = "", serial: str = "") -> None:
         """Show what the robot tells of itself; an unknown serial number is nil."""
-        self.name_.sense(name or self.robot_name)
-        self.model.sense(model or self.model_name)
+        self.name_.sense(name or self._default_name)
+        self.model.sense(model or self._default_model)
         self.serial.sense(serial or NIL)
 
     def show_address(self, url: str) -> None:
         """Show the address of the robot at this url; without a network of its own, that of this computer."""
         parts = urlsplit(url)
         if parts.scheme not in NETWORK_SCHEMES:
-            self.notify_access(self.IP, lambda: self.IP.sense(own_address()))
+            self.device.notify_access(self.IP, lambda: self.IP.sense(own_address()))
             return
         host = parts.hostname or ""
-        if not host or _is_address(host):
+        if not host or is_address(host):
             self.IP.sense(host)
             return
         # The name service may take seconds.
@@ -73,11 +70,3 @@ def own_address() -> str:
         except OSError:
             return LOOPBACK
         return str(probe.getsockname()[0])
-
-
-def _is_address(host: str) -> bool:
-    try:
-        ipaddress.ip_address(host)
-    except ValueError:
-        return False
-    return True

@@ -1,4 +1,4 @@
-"""Meaning and unit of the slots that several robots have, for ``help`` and ``->unit``.
+"""Words that several robots have: meaning and unit of their slots, for ``help`` and ``->unit``, and counted things.
 
 A device class adds its own: ``slot_words = COMMON | {"zoom": ("of the camera", "ratio")}``.  Units are
 those of the standard interfaces; "1" is a number without unit, "" is for slots that are no numbers.
@@ -7,6 +7,12 @@ those of the standard interfaces; "1" is a number without unit, "" is for slots 
 from __future__ import annotations
 
 from typing import Final
+
+
+def counted(number: int, word: str) -> str:
+    """Return a number of things in words, such as "1 servo" or "3 servos"."""
+    return f"{number} {word}" if number == 1 else f"{number} {word}s"
+
 
 COMMON: Final[dict[str, tuple[str, str]]] = {
     "id": ("number on the bus", "1"),

@@ -33,7 +33,7 @@ from dataclasses import replace
 from typing import Any
 
 from urbihw.buses.driver import Driver, ImpliedTarget, no_stop
-from urbihw.buses.errors import LinkGone, Unavailable
+from urbihw.buses.errors import BadValue, LinkGone, Unavailable
 from urbihw.buses.link import Port
 from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, Request, Samples, Targets, Watch
 from urbihw.buses.readings import Quantity
@@ -176,24 +176,19 @@ class NaoDriver(Driver):
     # ---------------------------------------------------------------- what the parent wants
 
     def targets(self, message: Targets) -> list[FromWorker]:
-        """Goals for the next cycle; without a robot they are dropped."""
-        refused: list[FromWorker] = []
         self._exchange.written = message.time
-        for (device, item), value in message.values.items():
-            problem = self._set_target(device, item, value)
-            if problem:
-                refused.append(Refused(device, item, problem))
-        return refused
+        return super().targets(message)
 
-    def _set_target(self, device: Any, item: str, value: Any) -> str:
+    def set_target(self, device: Any, item: str, value: Any) -> None:
+        """Set a goal for the next cycle; without a robot it is dropped."""
         if not isinstance(value, int | float):
-            return f"{value!r} is no number"
+            raise BadValue(f"{value!r} is no number")
         if not self._exchange.linked:
-            return ""
-        for part in self._parts:
-            if part.owns(device):
-                return part.set_target(device, item, float(value))
-        return "no such target"
+            return
+        owner = next((part for part in self._parts if part.owns(device)), None)
+        problem = "no such target" if owner is None else owner.set_target(device, item, float(value))
+        if problem:
+            raise BadValue(problem)
 
     def watch(self, message: Watch, now: float) -> list[FromWorker]:
         """Everything is read always but streams."""

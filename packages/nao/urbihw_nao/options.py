@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import ipaddress
 from dataclasses import dataclass
 from typing import Final
 
-from urbihw.settings import SWITCH, TEXT, BadSetting, SettingsTable, number, setting, whole
+from urbihw.settings import SWITCH, TEXT, BadSetting, SettingsTable, is_address, number, setting, whole
 from urbihw_nao.qimessaging.hosting import EndPointSettings
 from urbihw_nao.qimessaging.login import Login
 
@@ -64,14 +63,6 @@ class NaoOptions(SettingsTable):
         """Where modules are called, and by whom.  Raises BadSetting."""
         for name in ("module_host", "module_http_host"):
             host = getattr(self, name)
-            if not _is_address(host) and (host or name == "module_http_host"):
+            if not is_address(host) and (host or name == "module_http_host"):
                 raise BadSetting(f"options.{name}: takes an address such as 127.0.0.1, not {host!r}")
         return EndPointSettings(self.login(), self.module_host, self.module_port)
-
-
-def _is_address(host: str) -> bool:
-    try:
-        ipaddress.ip_address(host)
-    except ValueError:
-        return False
-    return True

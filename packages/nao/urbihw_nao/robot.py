@@ -14,7 +14,6 @@ from typing import Any, Final
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import (
     NIL,
-    BadConfig,
     Opened,
     RobotSettings,
     event,
@@ -23,9 +22,10 @@ from urbihw.kernel.uobject import (
     reading,
     set_range,
 )
-from urbihw.platforms.base import LINK_DOWN
+from urbihw.platforms.arrival import LINK_DOWN
+from urbihw.platforms.base import WiredRobot
 from urbihw.platforms.hooks import LimitedDevice
-from urbihw.platforms.teach.robot import MotionRobot
+from urbihw.platforms.teach.motions import TaughtMotions
 from urbihw_nao import words
 from urbihw_nao.call_part import SERVICES, may_move
 from urbihw_nao.camera import NaoCamera
@@ -74,7 +74,7 @@ TREE: Final = "tree.u"
 """Builds the standard robot API, when the robot was found."""
 
 
-class Nao(MotionRobot):
+class Nao(WiredRobot):
     """A Nao, with its joints, senses and services."""
 
     slot_words = words.BASE
@@ -84,6 +84,8 @@ class Nao(MotionRobot):
         NaoJoint, NaoHand, NaoWalk, NaoLed, NaoSensor, NaoBumper, NaoBattery, NaoFsr, NaoModules, NaoMotorControl,
         NaoSpeaker, NaoMicro, NaoVoice, NaoSpeech, NaoCamera,
     )  # fmt: skip
+
+    parts = (TaughtMotions,)
 
     robot_name = "nao"
     model_name = "Nao"
@@ -98,38 +100,38 @@ class Nao(MotionRobot):
     def init(self) -> None:
         """Called by ``new``; nothing happens before ``open``."""
         super().init()
+        self.motions = TaughtMotions(self, self.robot_name, self.motion, self.log)
         self.joints: dict[str, NaoJoint] = {}
         self.hands: dict[str, NaoHand] = {}
         self._sensors: list[Any] = []
         self._methods: Mapping[str, tuple[str, ...]] = {}
         self._count = 0
         self._moving: set[int] = set()
-        self._built = self._complete = False
+        self._built = False
         set_range(self.volume, 0.0, 100.0)
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
         self._settings = settings
+        self.motions.use_folder(settings.motions)
         super().open(settings, opened)
 
     def configure(self, settings: RobotSettings) -> None:
-        """See ``WiredRobot``.  Raises BadConfig."""
+        """Apply new settings, also to the control of the motors.  Raises BadConfig."""
         super().configure(settings)
         self._settings = settings
         if self._built:
             self.motor.configure(settings)
 
-    def status(self) -> str:
-        if not self.link.sensed:
-            return "link down"
+    def summary(self) -> str:
         stiff = sum(joint.load.sensed > 0 for joint in self.joints.values())
-        return f"{self.model.sensed}, {stiff} of {len(self.joints)} joints stiff" + self.rate_words()
+        return f"{self.identity.model.sensed}, {stiff} of {len(self.joints)} joints stiff" + self.worker.rate_words()
 
     # ---------------------------------------------------------------- what is there
 
     def on_found(self, message: m.Found) -> None:
-        """See ``WiredRobot``.  Comes again when the link is back; the objects are made once."""
+        """Make the objects at the first connection; after each later one, connect them again."""
         (info,) = message.devices
-        self.identify(name=info.name, model=info.model, serial=info.serial)
+        self.identity.show(name=info.name, model=info.model, serial=info.serial)
         self.services.sense(list(info.services))
         self._methods = info.methods
         if WATCHDOG in info.services:
@@ -139,15 +141,14 @@ class Nao(MotionRobot):
         if not self._built:
             self._build(info)
             self._connect(info)
-            path = Path(__file__).with_name(TREE)
-            self.host.run(path.read_text("latin-1"), TREE, self._has_tree)
+            self.build_tree(Path(__file__).with_name(TREE))
             return
         self._connect(info)
         self.walk.halted()
         self.modules.offer_again()
         self.motor.choose_again()
         self.walk.send_steps()
-        self.send_limits()
+        self.limits.send()
 
     def _connect(self, info: NaoInfo) -> None:
         """Read the settings of the services again, and follow what was followed before."""
@@ -169,7 +170,7 @@ class Nao(MotionRobot):
         for name in info.leds:
             create(NaoLed, name, channel, name)
         create(NaoSpeaker, "speaker", channel, self.log)
-        self.camera = create(NaoCamera, "camera", channel, self.log, lambda: bool(self.link.sensed))
+        self.camera = create(NaoCamera, "camera", channel, self.log, self.arrival.is_up)
         self.micro = create(NaoMicro, "micro", channel)
         self.voice = create(NaoVoice, "tts", channel, self.log)
         self.speech = create(NaoSpeech, "speech", channel, self.log)
@@ -181,26 +182,18 @@ class Nao(MotionRobot):
         self._sensors = [create(kind, name, item) for name, (kind, item) in SENSOR_OBJECTS.items()]
         self._sensors += [create(NaoBattery, "battery"), create(NaoFsr, "fsr")]
 
-    def _has_tree(self, problem: str) -> None:
-        if problem:
-            self.answer_open(BadConfig(problem))
-            return
-        self._complete = True
-        self.send_limits()
-        self.wait_for_readings()
-
     def is_complete(self) -> bool:
-        return self._complete
+        return self.has_tree
 
     def limited_devices(self) -> Mapping[str, LimitedDevice]:
-        """See ``WiredRobot``: the joints that have a motor of their own, and walking."""
+        """Return the joints that have a motor of their own, and walking."""
         if not self._built:
             return {}
         return {name: joint for name, joint in self.joints.items() if name not in SHARED_MOTORS} | {WALK: self.walk}
 
     def explain_standing(self) -> str:
         """The reason why the robot cannot walk or balance, in words; "" if it may."""
-        if not self.link.sensed:
+        if not self.arrival.is_up():
             return LINK_DOWN
         if self.fallen.sensed is True:
             return FALLEN
@@ -244,10 +237,10 @@ class Nao(MotionRobot):
             return
         if fallen is not self.fallen.sensed:
             self.fallen.sense(fallen, stamp)
-            self.show_part("robot", FALLEN if fallen else "")
+            self.report.show_part("robot", FALLEN if fallen else "")
 
     def on_happened(self, message: m.DeviceReport) -> None:
-        """See ``WiredRobot``: an event of ALMemory, or a call of a module."""
+        """Handle an event of ALMemory, or a call of a module."""
         if message.device == MODULE:
             self.modules.handle(message)
             return
@@ -261,10 +254,9 @@ class Nao(MotionRobot):
     def on_refused(self, message: m.Refused) -> None:
         if message.device == MOTORS and self._built:
             self.motor.was_refused(message)
-        if message.device == WALK and self._complete:
+        if message.device == WALK and self.has_tree:
             self.walk.halted()
             self.call("robot.mobility", "fail", message.reason)
-        super().on_refused(message)
 
     def on_link_down(self, reason: str) -> None:
         if self._built:
@@ -273,7 +265,7 @@ class Nao(MotionRobot):
             self.fallen.sense(NIL)
             for device in (*self.joints.values(), *self._sensors):
                 device.mark_stale()
-        if self._complete:
+        if self.has_tree:
             # It walks on, but will be stopped when the link is back: no speed is kept.
             self.send("robot.mobility.lose;")
 
@@ -384,7 +376,7 @@ class Nao(MotionRobot):
         return number
 
     def _next(self) -> int:
-        if not self.link.sensed:
+        if not self.arrival.is_up():
             raise ValueError(LINK_DOWN)
         self._count += 1
         return self._count

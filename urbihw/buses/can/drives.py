@@ -30,7 +30,7 @@ from urbihw.buses.can.options import LAST_NODE, CanOptions
 from urbihw.buses.can.port import can_port
 from urbihw.buses.clock import BusClock, BusRealClock
 from urbihw.buses.driver import Driver, no_stop
-from urbihw.buses.errors import BusTimeout, Unavailable
+from urbihw.buses.errors import BadValue, BusTimeout, Unavailable
 from urbihw.buses.link import Port
 from urbihw.buses.messages import (
     Configure,
@@ -39,12 +39,10 @@ from urbihw.buses.messages import (
     Found,
     FromWorker,
     Limit,
-    Refused,
     Reply,
     Request,
     Samples,
     Targets,
-    Watch,
 )
 from urbihw.buses.readings import ALARM, Reading
 
@@ -157,41 +155,35 @@ class DrivesDriver(Driver):
         return news
 
     def targets(self, message: Targets) -> list[FromWorker]:
-        """Send targets to drives that are present and on; the others drop them."""
         self._bound_speeds()
-        refused: list[FromWorker] = []
-        for (number, item), value in message.values.items():
-            drive = self._drives.get(number)
-            most = _LARGEST.get(item, 0)
-            if not isinstance(value, int) or abs(value) > most:
-                refused.append(Refused(number, item, f"no such target, or {value!r} is not a number of its units"))
-            elif drive is not None and number not in self._lost and drive.wanted and drive.state == c.ENABLED:
-                if item == "torque" and not drive.has_torque:
-                    refused.append(Refused(number, item, "the drive has no torque mode"))
-                    continue
-                if item == "position" and drive.profile.problem:
-                    refused.append(Refused(number, item, drive.profile.problem))
-                    continue
-                actions = {"velocity": drive.set_velocity, "position": drive.set_position, "torque": drive.set_torque}
-                self._try_send(lambda set_target=actions[item], value=value: set_target(value))  # type: ignore[misc]
-        return refused
+        return super().targets(message)
 
-    def watch(self, message: Watch, now: float) -> list[FromWorker]:
-        """Ignored: all items are reported in every tick."""
-        return []
+    def set_target(self, device: Any, item: str, value: Any) -> None:
+        """Send a target to a drive that is present and on; the others drop it."""
+        drive = self._drives.get(device)
+        if not isinstance(value, int) or abs(value) > _LARGEST.get(item, 0):
+            raise BadValue(f"no such target, or {value!r} is not a number of its units")
+        if drive is None or device in self._lost or not drive.wanted or drive.state != c.ENABLED:
+            return
+        if item == "torque" and not drive.has_torque:
+            raise BadValue("the drive has no torque mode")
+        if item == "position" and drive.profile.problem:
+            raise BadValue(drive.profile.problem)
+        action = {"velocity": drive.set_velocity, "position": drive.set_position, "torque": drive.set_torque}[item]
+        self._try_send(lambda: action(value))
 
-    def request(self, message: Request) -> list[FromWorker]:
+    def execute_request(self, message: Request) -> list[FromWorker]:
         """Execute a request; a change of state is answered in a later tick."""
         drive = self._drives.get(message.device)
         if drive is None or message.device in self._lost:
-            return [Reply(message.reply_id, False, error=f"drive {message.device} is not there")]
+            raise BadValue(f"drive {message.device} is not there")
         if message.verb in _GOAL_STATES:
             return self._start_transition(message, drive)
         if message.verb == "home":
             return self._start_homing(message, drive)
         if message.verb in ("read", "write"):
             return [self._access_object(message, drive)]
-        return [Reply(message.reply_id, False, error=f"a drive does not know {message.verb!r}")]
+        raise BadValue(f"a drive does not know {message.verb!r}")
 
     def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
         """The drives, all or those of `devices`, brake and hold, or are switched off."""

@@ -27,7 +27,7 @@ from urbihw.buses.servos.bus import ServoBus
 from urbihw.buses.servos.device import ServoDevice
 from urbihw.buses.servos.health import Change
 from urbihw.buses.servos.member import EFFORTS, FIRED, PLACE, WATCHDOG, BlockQuestion, Member
-from urbihw.buses.servos.plan import Block, Run
+from urbihw.buses.servos.plan import Block
 from urbihw.buses.servos.scan import identify
 from urbihw.buses.servos.status import Status, state_of
 
@@ -76,7 +76,7 @@ class Cycle:
         self._retry_until = 0.0
         self._meanwhile: Callable[[], None] | None = None
         self._urgent: Callable[[], bool] = lambda: False
-        self._runs: dict[tuple[str, tuple[str, ...]], tuple[Run, ...]] = {}
+        self._runs: dict[tuple[str, tuple[str, ...]], tuple[Block, ...]] = {}
         self._group_requests: dict[tuple[int, int, tuple[int, ...], bool], bytes] = {}
 
     def member(self, device: int) -> Member:

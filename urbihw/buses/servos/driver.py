@@ -25,7 +25,6 @@ from urbihw.buses.messages import (
     Reply,
     Request,
     Samples,
-    Targets,
     Watch,
 )
 from urbihw.buses.readings import Reading
@@ -198,19 +197,12 @@ class ServoDriver(Driver):
         found = self._newly_found(cycle, tick) + self._changed_devices(cycle, back)
         return found + _tick_messages(tick) + bodies.reports
 
-    def targets(self, message: Targets) -> list[FromWorker]:
-        """Set targets for the next tick; return a `Refused` for each invalid one."""
+    def set_target(self, device: Any, item: str, value: Any) -> None:
         if self._cycle is None:
-            return []
-        refused: list[FromWorker] = []
-        for (device, item), raw in message.values.items():
-            try:
-                if self.regains_force(device, item, raw):
-                    hold_here(self._cycle.bus, self._cycle.members[device])
-                self._cycle.set_target(device, item, raw)
-            except BadValue as error:
-                refused.append(Refused(device, item, str(error)))
-        return refused
+            return
+        if self.regains_force(device, item, value):
+            hold_here(self._cycle.bus, self._cycle.members[device])
+        self._cycle.set_target(device, item, value)
 
     def lead(self, goals: Mapping[tuple[Any, str], Any]) -> None:
         if self._cycle is not None:
@@ -234,19 +226,13 @@ class ServoDriver(Driver):
             return [Refused(message.device, ", ".join(message.items), str(error))]
         return []
 
-    def request(self, message: Request) -> list[FromWorker]:
-        """Execute a request. Raises LinkGone; the caller then answers the request with an error."""
+    def execute_request(self, message: Request) -> list[FromWorker]:
         if self._cycle is None:
-            return [Reply(message.reply_id, False, error="the link is down")]
-        try:
-            if message.verb == "scan":
-                found = self._rescan(self._cycle)
-                return [*found, Reply(message.reply_id, True, len(self._known))]
-            return [Reply(message.reply_id, True, self._execute_request(self._cycle, message))]
-        except LinkGone:
-            raise
-        except BusError as error:
-            return [Reply(message.reply_id, False, error=str(error))]
+            raise BadValue("the link is down")
+        if message.verb == "scan":
+            found = self._rescan(self._cycle)
+            return [*found, Reply(message.reply_id, True, len(self._known))]
+        return [Reply(message.reply_id, True, self._access_device(self._cycle, message))]
 
     def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
         """Stop the robot, or some devices. Raises LinkGone."""
@@ -474,7 +460,7 @@ class ServoDriver(Driver):
         gone = self._sort_out_guests(outcome)
         return [*gone, *self._start_cycle(cycle.bus, outcome, self._absent_devices(cycle.bus, outcome))]
 
-    def _execute_request(self, cycle: Cycle, message: Request) -> Any:
+    def _access_device(self, cycle: Cycle, message: Request) -> Any:
         bus = cycle.bus
         member = cycle.member(message.device)
         if message.verb == "ping":

@@ -22,12 +22,12 @@ _FORMATS: Final = {(1, False): "B", (2, False): "H", (4, False): "I", (1, True):
 
 @dataclass(frozen=True)
 class Block:
-    """Neighbouring registers that are read together.
+    """Neighbouring registers that are read, or written, together.
 
     Attributes:
         address, size: where.
         names: the wanted items in it, in order of address.
-        layout: unpacks the bytes, unwanted ones skipped.
+        layout: packs and unpacks the bytes, unwanted ones skipped.
         signs: (item, bit of the sign) of those that are sign and magnitude.
     """
 
@@ -43,6 +43,12 @@ class Block:
         for name, bit in self.signs:
             values[name] = number_of(values[name], bit)
         return values
+
+    def pack(self, values: Mapping[str, int]) -> bytes:
+        """Return the bytes of the items, whose values must be in range."""
+        if self.signs:
+            values = {**values, **{name: magnitude_of(values[name], bit) for name, bit in self.signs}}
+        return self.layout.pack(*[values[name] for name in self.names])
 
 
 def read_blocks(table: ControlTable, names: Iterable[str], protocol: int) -> tuple[Block, ...]:
@@ -77,36 +83,12 @@ def _block(run: list[Item]) -> Block:
     return Block(run[0].address, position - run[0].address, names, struct.Struct(layout), signs)
 
 
-@dataclass(frozen=True)
-class Run:
-    """Adjacent items of one table that are written together.
-
-    Attributes:
-        address, size: where.
-        names: the items in order of address.
-        layout: packs their values.
-        signs: (item, bit of the sign) of those that are sign and magnitude.
-    """
-
-    address: int
-    size: int
-    names: tuple[str, ...]
-    layout: struct.Struct
-    signs: tuple[tuple[str, int], ...] = ()
-
-    def pack(self, values: Mapping[str, int]) -> bytes:
-        """Return the bytes of the items, whose values must be in range."""
-        if self.signs:
-            values = {**values, **{name: magnitude_of(values[name], bit) for name, bit in self.signs}}
-        return self.layout.pack(*[values[name] for name in self.names])
+# Blocks without gaps, and the devices that change exactly their items: (device, item -> raw).
+WriteGroup = tuple[tuple[Block, ...], Sequence[tuple[int, Mapping[str, int]]]]
 
 
-# Runs, and the devices that change exactly their items: (device, item -> raw).
-WriteGroup = tuple[tuple[Run, ...], Sequence[tuple[int, Mapping[str, int]]]]
-
-
-def write_runs(table: ControlTable, names: Iterable[str]) -> tuple[Run, ...]:
-    """Return the fewest runs that hold all `names`, without gaps. Torque enable is a run of its own: `sync_writes`."""
+def write_runs(table: ControlTable, names: Iterable[str]) -> tuple[Block, ...]:
+    """Return the fewest blocks without gaps that hold all `names`; torque enable has its own, for `sync_writes`."""
     runs: list[list[Item]] = []
     for item in sorted((table.item(name) for name in names), key=lambda item: item.address):
         alone = not runs or TORQUE in {item.name, runs[-1][-1].name} or runs[-1][-1].end != item.address
@@ -114,7 +96,7 @@ def write_runs(table: ControlTable, names: Iterable[str]) -> tuple[Run, ...]:
             runs.append([item])
         else:
             runs[-1].append(item)
-    return tuple(Run(block.address, block.size, block.names, block.layout, block.signs) for block in map(_block, runs))
+    return tuple(map(_block, runs))
 
 
 def _rows_in_a_packet(protocol: int, size: int) -> int:

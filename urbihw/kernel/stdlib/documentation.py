@@ -166,13 +166,8 @@ class Docstrings:
 
 def _of_device_function(holder: Value, name: str) -> str:
     """The docstring of the method of a Python UObject class that has this urbiscript name."""
-    device = getattr(holder, "kind", None)
-    if not isinstance(device, type):
-        return ""
-    for _, method in inspect.getmembers(device, inspect.isfunction):
-        if getattr(method, "__urbi_name__", None) == name:
-            return method.__doc__ or ""
-    return ""
+    describe = getattr(getattr(holder, "kind", None), "describe_function", None)
+    return "" if describe is None else str(describe(name))
 
 
 def docstrings_of(world: World) -> Docstrings:

@@ -16,9 +16,9 @@
 urbiscript object and calls ``init(3)``.  The same class also runs in a process of its own (``urbihw.remote``).  Reading
 order: ``uvar`` (a variable with an owner, on ``hooked``, a slot with a device behind it), ``declarations`` and
 ``uobject`` (the base class), ``values`` (checks of written values), ``functions`` and ``threads`` (its methods),
-``motion`` (who may move a robot), ``effector`` (the variables that move it), ``host`` (the kernel as a platform sees
-it), ``robot`` (a platform as the daemon sees it), ``natives`` (the urbiscript side).  Devices of other processes are in
-``uremote``.
+``part`` (devices of several parts), ``motion`` (who may move a robot), ``effector`` (the variables that move it),
+``host`` (the kernel as a platform sees it), ``robot`` (a platform as the daemon sees it), ``natives`` (the urbiscript
+side).  Devices of other processes are in ``uremote``.
 May import ``runtime`` and ``sched``.
 """
 
@@ -28,6 +28,7 @@ from urbihw.kernel.uobject.effector import Effector, EffectorDevice
 from urbihw.kernel.uobject.errors import BadConfig, DeviceError, Gone, NotReady
 from urbihw.kernel.uobject.host import Host
 from urbihw.kernel.uobject.motion import Motion, Origin
+from urbihw.kernel.uobject.part import DevicePart
 from urbihw.kernel.uobject.robot import Opened, PlatformRobot, RobotSettings, not_ended
 from urbihw.kernel.uobject.threads import (
     LOCK_CLASS,
@@ -52,6 +53,7 @@ __all__ = [
     "NIL",
     "BadConfig",
     "DeviceError",
+    "DevicePart",
     "Effector",
     "EffectorDevice",
     "Gone",

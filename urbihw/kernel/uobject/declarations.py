@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
+from urbihw.kernel.uobject.part import DevicePart, declaring_classes
 from urbihw.kernel.uobject.threads import Lock
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 class BoundAttribute:
-    """A class attribute that becomes a slot of each instance."""
+    """A class attribute that becomes a slot of each instance; in a part, a slot of its device."""
 
     def __init__(self) -> None:
         self.slot = ""
@@ -45,9 +46,9 @@ class variable(BoundAttribute):
     def __get__(self, instance: None, owner: type) -> variable: ...
 
     @overload
-    def __get__(self, instance: UObject, owner: type) -> UVar: ...
+    def __get__(self, instance: UObject | DevicePart, owner: type) -> UVar: ...
 
-    def __get__(self, instance: UObject | None, owner: type) -> UVar | variable:
+    def __get__(self, instance: UObject | DevicePart | None, owner: type) -> UVar | variable:
         return self if instance is None else instance.variables[self.slot]
 
 
@@ -74,9 +75,9 @@ class event(BoundAttribute):
     def __get__(self, instance: None, owner: type) -> event: ...
 
     @overload
-    def __get__(self, instance: UObject, owner: type) -> UEvent: ...
+    def __get__(self, instance: UObject | DevicePart, owner: type) -> UEvent: ...
 
-    def __get__(self, instance: UObject | None, owner: type) -> UEvent | event:
+    def __get__(self, instance: UObject | DevicePart | None, owner: type) -> UEvent | event:
         return self if instance is None else instance.events[self.slot]
 
 
@@ -121,10 +122,10 @@ def threaded(lock: Lock = Lock.NONE, name: str = "") -> Callable[[F], F]:
 
 
 def bound_attributes(kind: type[UObject]) -> list[BoundAttribute]:
-    """The declarations of a class and its bases, base classes first."""
+    """The declarations of a class, its bases and its parts, base classes first."""
     found: dict[str, BoundAttribute] = {}
-    for base in reversed(kind.__mro__):
-        for name, value in vars(base).items():
+    for holder in declaring_classes(kind):
+        for value in vars(holder).values():
             if isinstance(value, BoundAttribute):
-                found[name] = value
+                found[value.slot] = value
     return list(found.values())

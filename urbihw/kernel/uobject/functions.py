@@ -6,11 +6,12 @@ import functools
 import inspect
 import logging
 from collections.abc import Callable, Collection, Hashable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.code import Primitive, make_primitive
 from urbihw.kernel.uobject.convert import converter, hints_of
+from urbihw.kernel.uobject.part import DevicePart, parts_of
 from urbihw.kernel.uobject.registry import registry_of
 from urbihw.kernel.uobject.threads import Lock
 from urbihw.kernel.uobject.uvalue import to_urbi
@@ -24,14 +25,34 @@ log = logging.getLogger("urbihw.uobject")
 Method = Callable[..., Any]
 
 
-def bound_functions(kind: type[UObject]) -> dict[str, str]:
-    """Map the urbiscript names of the bound methods to their Python names; ``init`` is always bound."""
-    names = {"init": "init"}
-    for python, value in inspect.getmembers(kind, inspect.isfunction):
-        urbi = getattr(value, "__urbi_name__", None)
-        if urbi is not None:
-            names[urbi] = python
-    return names
+class BoundFunction(NamedTuple):
+    """A method that is a function of a device.
+
+    Attributes:
+        method: as the class has it, without an instance.
+        python: its name in Python.
+        part: the part of the device that has it; None for the device itself.
+    """
+
+    method: Method
+    python: str
+    part: type[DevicePart] | None = None
+
+    def of(self, device: UObject) -> Method:
+        """The method of an instance."""
+        found: Method = getattr(device if self.part is None else device.part(self.part), self.python)
+        return found
+
+
+def bound_functions(kind: type[UObject]) -> dict[str, BoundFunction]:
+    """The bound methods of a class and its parts by their urbiscript names; ``init`` is always bound."""
+    found = {"init": BoundFunction(kind.init, "init")}
+    for part in (*parts_of(kind), None):
+        for python, value in inspect.getmembers(part or kind, inspect.isfunction):
+            urbi = getattr(value, "__urbi_name__", None)
+            if urbi is not None:
+                found[urbi] = BoundFunction(value, python, part)
+    return found
 
 
 def arity(method: Method) -> tuple[int, int]:
@@ -46,21 +67,20 @@ def _arity_of(parameters: Collection[inspect.Parameter]) -> tuple[int, int]:
     return least, -1 if variadic else len(places)
 
 
-def class_function(world: World, urbi: str, python: str, method: Method) -> Primitive:
+def class_function(world: World, urbi: str, bound: BoundFunction) -> Primitive:
     """The function in a slot of a prototype: it calls the method of the instance that is its target.
 
     ``init`` may take any arguments although its base takes none, so only named parameters count.
     """
-    inner: Method = functools.partial(method, None)
+    inner: Method = functools.partial(bound.method, None)
 
     def find(this: Any) -> Method:
         instance = getattr(this, "python", None)
         if instance is None:
             raise errors.primitive("this is a class: make an instance with new")
-        found: Method = getattr(instance, python)
-        return found
+        return bound.of(instance)
 
-    return _function(world, urbi, inner, find, getattr(method, "__urbi_lock__", None))
+    return _function(world, urbi, inner, find, getattr(bound.method, "__urbi_lock__", None))
 
 
 def instance_function(world: World, urbi: str, method: Method, lock: Lock | None) -> Primitive:

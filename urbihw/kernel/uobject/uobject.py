@@ -20,6 +20,7 @@ from urbihw.kernel.runtime.slot import meta_of
 from urbihw.kernel.uobject.callback import Callback
 from urbihw.kernel.uobject.declarations import bound_attributes, event, variable
 from urbihw.kernel.uobject.functions import bound_functions, class_function, instance_function
+from urbihw.kernel.uobject.part import DevicePart, declaring_classes, parts_of
 from urbihw.kernel.uobject.threads import Lock
 from urbihw.kernel.uobject.timers import Timers
 from urbihw.kernel.uobject.uevent import Handler, UEvent, UEventListener
@@ -70,7 +71,9 @@ class UObject(PythonDevice):
     """The name of the urbiscript class; the Python name if empty."""
     slot_words: ClassVar[Mapping[str, tuple[str, str]]] = {}
     """Slot -> what it means, and its unit ("1" for a number without unit, "" for what is no number): for ``help`` and
-    ``->unit``.  Those of base classes count too."""
+    ``->unit``.  Those of base classes and of parts count too."""
+    parts: ClassVar[tuple[type[DevicePart], ...]] = ()
+    """The classes of the parts (see ``part``) that ``init`` makes; those of base classes count too."""
 
     @classmethod
     def urbi_class(cls) -> str:
@@ -82,6 +85,7 @@ class UObject(PythonDevice):
         self.face: UObjectFace = face
         self.variables: dict[str, UVar] = {}
         self.events: dict[str, UEvent] = {}
+        self._made_parts: dict[type[DevicePart], DevicePart] = {}
         self._timers = Timers(host, self.urbi_class(), isinstance(self, UObjectHub))
         self._hooks: list[tuple[UVar, Callback]] = []
         self._listeners: list[tuple[UEvent, UEventListener]] = []
@@ -100,11 +104,27 @@ class UObject(PythonDevice):
     @classmethod
     def describe_slot(cls, name: str) -> tuple[str, str]:
         """The meaning and the unit of a slot from ``slot_words``; empty where nothing is known."""
-        for base in cls.__mro__:
-            found = base.__dict__.get("slot_words", {}).get(name)
+        for holder in reversed(declaring_classes(cls)):
+            found = vars(holder).get("slot_words", {}).get(name)
             if found is not None:
                 return found  # type: ignore[no-any-return]
         return "", ""
+
+    @classmethod
+    def describe_function(cls, name: str) -> str:
+        """The docstring of the method that is the function of this name; empty where there is none."""
+        bound = bound_functions(cls).get(name)
+        return "" if bound is None else bound.method.__doc__ or ""
+
+    def add_part(self, part: DevicePart) -> None:
+        """Called by a new part.  Raises TypeError for one whose class the class of this device does not name."""
+        if type(part) not in parts_of(type(self)):
+            raise TypeError(f"{type(part).__name__} is not among the parts of {type(self).__name__}")
+        self._made_parts[type(part)] = part
+
+    def part(self, kind: type[DevicePart]) -> DevicePart:
+        """The part of a class."""
+        return self._made_parts[kind]
 
     # ---------------------------------------------------------------- binding
 
@@ -285,9 +305,9 @@ class UObjectHub(UObject):
 
 
 def install_functions(world: World, kind: type[UObject], face: UObjectFace) -> None:
-    """Store the bound methods of a class as slots of its urbiscript prototype."""
-    for urbi, python in bound_functions(kind).items():
-        face.slots[urbi] = class_function(world, urbi, python, getattr(kind, python))
+    """Store the bound methods of a class and its parts as slots of its urbiscript prototype."""
+    for urbi, bound in bound_functions(kind).items():
+        face.slots[urbi] = class_function(world, urbi, bound)
         unit = kind.describe_slot(urbi)[1]
         if unit:
             # A function without arguments that tells a number: ``help`` calls it.

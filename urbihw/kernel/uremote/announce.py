@@ -66,10 +66,9 @@ def init_lines(name: str, kind: type[UObject], extended: bool) -> Iterator[str]:
 
 
 def _functions(name: str, kind: type[UObject], extended: bool) -> Iterator[str]:
-    names = bound_functions(kind)
-    for urbi, python in names.items():
+    for urbi, bound in bound_functions(kind).items():
         if urbi != "init":
-            yield from function_lines(name, urbi, _bound(getattr(kind, python)), extended)
+            yield from function_lines(name, urbi, _bound(bound.method), extended)
 
 
 def _bound(method: Callable[..., Any]) -> Callable[..., Any]:

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Final
 
 from urbihw.buses.driver import Driver, no_stop
-from urbihw.buses.errors import LinkGone, Unavailable
+from urbihw.buses.errors import BadValue, LinkGone, Unavailable
 from urbihw.buses.link import Link, Port, byte_link, set_line_speed
-from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, Request, Samples, Targets, Watch
+from urbihw.buses.messages import Configure, Found, FromWorker, Request, Samples
 
 LASER: Final = "laser"
 CHUNK: Final = 65536
@@ -160,17 +160,13 @@ class LaserDriver(Driver):
         changed = [Found((scan.info,))] if scan.info is not None else []
         return [*changed, Samples(now, {LASER: values}, {LASER: now})]
 
-    def targets(self, message: Targets) -> list[FromWorker]:
-        """Ignore targets: a laser has none."""
-        return [Refused(device, item, "a laser takes no targets") for device, item in message.values]
+    def set_target(self, device: Any, item: str, value: Any) -> None:
+        """Refuse targets: a laser has none."""
+        raise BadValue("a laser takes no targets")
 
-    def watch(self, message: Watch, now: float) -> list[FromWorker]:
-        """Do nothing: the laser sends its scans unasked."""
-        return []
-
-    def request(self, message: Request) -> list[FromWorker]:
-        """Ignore requests: a laser has none."""
-        return [Reply(message.reply_id, False, error=f"a laser knows no request {message.verb}")]
+    def execute_request(self, message: Request) -> list[FromWorker]:
+        """Refuse requests: a laser has none."""
+        raise BadValue(f"a laser knows no request {message.verb}")
 
     def stop_on_reconnect(self) -> tuple[Any, ...]:
         """Do nothing: a laser that is back goes on scanning."""

@@ -19,6 +19,14 @@ class BaseLaser(LineLaser):
     slot_name = "robot.body.laser"
 
 
+class PartReport(Protocol):
+    """Where the robot reports its problems."""
+
+    def show_part(self, name: str, reason: str) -> None:
+        """Tell that a part on a wire of its own is lost, or ("") is there."""
+        ...
+
+
 class Fitted(Protocol):
     """The robot as this module sees it."""
 
@@ -42,12 +50,13 @@ class Fitted(Protocol):
         """The log of the robot."""
         ...
 
-    def put_slot(self, name: str, value: Any) -> None:
-        """Give the robot a slot."""
+    @property
+    def report(self) -> PartReport:
+        """The problems of the robot."""
         ...
 
-    def show_part(self, name: str, reason: str) -> None:
-        """Tell that a part on a wire of its own is lost, or ("") is there."""
+    def put_slot(self, name: str, value: Any) -> None:
+        """Give the robot a slot."""
         ...
 
 
@@ -62,6 +71,6 @@ def fit_laser(robot: Fitted, options: NavigationOptions) -> BaseLaser | None:
         return None
     laser = robot.host.create(BaseLaser, None, mount_of(options), robot.start_worker, robot.offset)
     laser.log = robot.log
-    laser.tell_lost = partial(robot.show_part, "laser")
+    laser.tell_lost = partial(robot.report.show_part, "laser")
     robot.put_slot("laser", laser)
     return laser

@@ -18,15 +18,14 @@ from urbihw.buses.servos import units
 from urbihw.buses.servos.status import state_words
 from urbihw.kernel.uobject import UVar, event, function, number, owned, set_range, variable
 from urbihw.platforms.bioloid import sensorslots
-from urbihw.platforms.servos.devices import ChangeHandler
-from urbihw.platforms.servos.registers import RegisterDevice
-from urbihw.platforms.servos.slots import MEDIUM, RegisterSlot
+from urbihw.platforms.servos.devices import ServoBusDevice
+from urbihw.platforms.servos.slots import MEDIUM, ChangeHandler, RegisterSlot
 
 _MELODY = 255
 """As ringing time: play the melody whose number is in the note register."""
 
 
-class AXS1(RegisterDevice):
+class AXS1(ServoBusDevice):
     """An AX-S1, the sensor module of the kit."""
 
     slot_words = sensorslots.WORDS

@@ -7,24 +7,28 @@ from pathlib import Path
 from typing import Final
 
 from urbihw.buses import messages as m
-from urbihw.kernel.uobject import BadConfig, Origin, event, function
+from urbihw.kernel.uobject import Opened, Origin, RobotSettings, event, function
+from urbihw.platforms.base import WiredRobot
 from urbihw.platforms.cia402 import words
 from urbihw.platforms.cia402.servo import ServoDrive
 from urbihw.platforms.devicelog import LOST, DeviceEvent
 from urbihw.platforms.hooks import LimitedDevice
-from urbihw.platforms.teach.robot import MotionRobot
+from urbihw.platforms.teach.motions import TaughtMotions
+from urbihw.platforms.words import counted
 
 BACK_OFF: Final = DeviceEvent("{who} is back, and off", "{count} drives are back, and off: {who}", "back")
 TREE: Final = "cia402.u"
 """Builds the standard robot API, when the drives are there."""
 
 
-class Cia402(MotionRobot):
+class Cia402(WiredRobot):
     """Drives on one bus."""
 
     classes = (ServoDrive,)
 
     slot_words = words.BUS
+
+    parts = (TaughtMotions,)
 
     robot_name = "cia402"
     model_name = "CiA 402 drives"
@@ -38,15 +42,17 @@ class Cia402(MotionRobot):
     def init(self) -> None:
         """Called by ``new``; nothing happens before ``open``."""
         super().init()
+        self.motions = TaughtMotions(self, self.robot_name, self.motion, self.log)
         self.members: dict[int, ServoDrive] = {}
-        self._is_built = False
 
-    def status(self) -> str:
+    def open(self, settings: RobotSettings, opened: Opened) -> None:
+        self.motions.use_folder(settings.motions)
+        super().open(settings, opened)
+
+    def summary(self) -> str:
         """Return the number of drives, the rate, and which are lost."""
-        if not self.link.sensed:
-            return "link down"
         lost = [str(number) for number, drive in self.members.items() if drive.state.sensed == "lost"]
-        count = f"{len(self.members)} drive{'s' if len(self.members) != 1 else ''}" + self.rate_words()
+        count = counted(len(self.members), "drive") + self.worker.rate_words()
         return count + (f", lost: {' '.join(lost)}" if lost else "")
 
     @function
@@ -73,25 +79,18 @@ class Cia402(MotionRobot):
                 continue
             about = (self.channel, info, self._report_refused, self.motion)
             drive = self.host.create(ServoDrive, f"drive{info.id}", *about)
-            drive.log, drive.fault_changed = self.log, self.show_problems
+            drive.log, drive.fault_changed = self.log, self.report.show
             self.members[info.id] = drive
             if not info.watches:
                 self.log.warning("drive %d cannot watch us: it goes on if this machine dies", info.id)
-        self.send_limits()
-        if not self.tree_begun:
-            path = Path(__file__).with_name(TREE)
-            self.host.run(path.read_text("latin-1"), path.name, self._on_tree_built)
+        if self.arrival.tree_begun:
+            self.limits.send()
+        else:
+            self.build_tree(Path(__file__).with_name(TREE))
 
     def limited_devices(self) -> Mapping[str, LimitedDevice]:
         """Return the drives as ``drive1`` to ``driveN``."""
         return {f"drive{number}": drive for number, drive in self.members.items()}
-
-    def _on_tree_built(self, problem: str) -> None:
-        if problem:
-            self.answer_open(BadConfig(problem))
-        else:
-            self._is_built = True
-            self.wait_for_readings()
 
     def on_samples(self, message: m.Samples) -> None:
         """Pass the values of each drive to it."""
@@ -102,7 +101,7 @@ class Cia402(MotionRobot):
 
     def is_complete(self) -> bool:
         """Return whether the tree is built and all drives have been read once."""
-        return self._is_built and bool(self.members) and not any(drive.stale.sensed for drive in self.members.values())
+        return self.has_tree and bool(self.members) and not any(drive.stale.sensed for drive in self.members.values())
 
     def on_happened(self, message: m.DeviceReport) -> None:
         """Show an emergency message, and log a node that is not commanded."""
@@ -136,5 +135,5 @@ class Cia402(MotionRobot):
             drive.changed_state("lost", reason)
 
     def _report_refused(self, drive: ServoDrive, slot: str, reason: str, origin: Origin) -> None:
-        self.warn_writer(origin, "drive %d: %s not done: %s", drive.number, slot, reason)
+        self.guard.warn_writer(origin, "drive %d: %s not done: %s", drive.number, slot, reason)
         self.refused.emit(drive, slot, reason)

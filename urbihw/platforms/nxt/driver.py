@@ -30,7 +30,6 @@ from urbihw.buses.messages import (
     Reply,
     Request,
     Samples,
-    Targets,
     Watch,
 )
 from urbihw.buses.readings import Quantity
@@ -137,17 +136,9 @@ class NxtDriver(Driver):
                 break
         return result.messages()
 
-    def targets(self, message: Targets) -> list[FromWorker]:
-        """Accept targets for the next tick."""
-        if self._exchange is None:
-            return []
-        refused: list[FromWorker] = []
-        for (device, item), value in message.values.items():
-            try:
-                self._motion.set_target(device, item, value)
-            except BadValue as error:
-                refused.append(Refused(device, item, str(error)))
-        return refused
+    def set_target(self, device: Any, item: str, value: Any) -> None:
+        if self._exchange is not None:
+            self._motion.set_target(device, item, value)
 
     def watch(self, message: Watch, now: float) -> list[FromWorker]:
         """Begin, change or end a watch."""
@@ -157,21 +148,16 @@ class NxtDriver(Driver):
             return [Refused(message.device, ", ".join(message.items), str(error))]
         return []
 
-    def request(self, message: Request) -> list[FromWorker]:
-        """Execute a request.  Raises LinkGone; the caller then answers the request as failed."""
+    def execute_request(self, message: Request) -> list[FromWorker]:
         exchange = self._exchange
         if exchange is None:
-            return [Reply(message.reply_id, False, error="the link is down")]
+            raise BadValue("the link is down")
         self._pending = None
         try:
-            return [Reply(message.reply_id, True, self._execute_request(exchange, message))]
-        except LinkGone:
-            raise
-        except p.BrickRefused as error:
+            return [Reply(message.reply_id, True, self._send_request(exchange, message))]
+        except p.BrickRefused:
             exchange.counters.refused += 1
-            return [Reply(message.reply_id, False, error=str(error))]
-        except BusError as error:
-            return [Reply(message.reply_id, False, error=str(error))]
+            raise
 
     def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
         """Hold all or some motors, or coast with ``torque_off_on_stop``; end the sound.  Raises LinkGone.
@@ -356,7 +342,7 @@ class NxtDriver(Driver):
         self._moved |= outputs
         self._motion.drop_goals(outputs)
 
-    def _execute_request(self, exchange: NxtExchange, message: Request) -> Any:
+    def _send_request(self, exchange: NxtExchange, message: Request) -> Any:
         device, item, value = message.device, message.item, message.value
         if (message.verb, device, item) == ("write", BRICK, "telegram"):
             raw = p.raw(value, reply=True)

@@ -17,6 +17,7 @@ from urbihw.navigation.frames import Point
 from urbihw.navigation.navigator import Navigator
 from urbihw.navigation.odometry import Odometry
 from urbihw.navigation.pilot import Pilot
+from urbihw.platforms.arrival import Arrival
 from urbihw.platforms.limits import DeviceLimits
 from urbihw.platforms.nxt.motors import FULL, NxtServo
 from urbihw.platforms.nxt.options import NxtOptions
@@ -48,7 +49,7 @@ class Geometry(Protocol):
     wheelRadius: UVar
     track: UVar
     fullSpeed: UVar
-    link: UVar
+    arrival: Arrival
 
     @property
     def options(self) -> NxtOptions:
@@ -175,7 +176,7 @@ class NxtWheels:
 
     def check_motors(self) -> None:
         """Raise ValueError while the link is down, or if a wheel has lost its motor."""
-        if not self._robot.link.sensed:
+        if not self._robot.arrival.is_up():
             raise ValueError("the link to the brick is down; wait until nxt.link is true")
         if len(self.devices) < len(self._wheels):
             raise ValueError("a wheel has no motor any more; call nxt.steer with the two that drive")

@@ -42,6 +42,7 @@ from urbihw.platforms.nxt.sensors import (
     SoundSensor,
     UltraSonicSensor,
 )
+from urbihw.platforms.words import counted
 from urbihw.settings import BadSetting
 
 _DEVICES: Final = (
@@ -104,13 +105,11 @@ class Nxt(Brick):
             self._laser.close()
         super().close()
 
-    def status(self) -> str:
+    def summary(self) -> str:
         """Return the brick's name and the numbers of motors and sensors."""
-        if not self.link.sensed:
-            return "link down"
         motors = sum(isinstance(device, NxtServo) for device in self.ports)
         sensors = sum(isinstance(device, Sensor | I2CSensor) for device in self.ports)
-        return f'"{self.name_.sensed}", {_count(motors, "motor")}, {_count(sensors, "sensor")}'
+        return f'"{self.identity.name_.sensed}", {counted(motors, "motor")}, {counted(sensors, "sensor")}'
 
     # ---------------------------------------------------------------- what urbiscript calls
 
@@ -162,7 +161,7 @@ class Nxt(Brick):
 
     def motor_limits(self, place: str) -> DeviceLimits:
         """Return the limits of the settings for the motor on a port."""
-        return self.limits.device(place)
+        return self.limits.settings.device(place)
 
     def end_path(self, device: PortDevice) -> None:
         """End the planner's path if it drives this motor."""
@@ -174,12 +173,12 @@ class Nxt(Brick):
     def on_found(self, message: m.Found) -> None:
         """Show the brick's identification, and run the layout at the first connection."""
         (brick,) = message.devices
-        self.identify(name=brick.name, serial=brick.address)
+        self.identity.show(name=brick.name, serial=brick.address)
         self.address.sense(brick.address)
         self.firmware.sense(brick.firmware)
         for device in self.ports:
             device.link_changed(True)
-        if not self.tree_begun:
+        if not self.arrival.tree_begun:
             self._run_layout()
 
     def build_absent(self) -> bool:
@@ -257,7 +256,7 @@ class Nxt(Brick):
         try:
             text = Path(layout).read_text("latin-1")
         except OSError as error:
-            self.answer_open(BadConfig(f"nxt: cannot load the layout {layout}: {error.strerror}"))
+            self.arrival.answer(BadConfig(f"nxt: cannot load the layout {layout}: {error.strerror}"))
             return
         # The manual writes `wheelL = NxtServo.new("C");`, so names need no declaration.
         self._declare_names(_ASSIGNED.findall(text))
@@ -270,17 +269,13 @@ class Nxt(Brick):
 
     def _laid_out_as(self, problem: str) -> None:
         if problem:
-            self.answer_open(BadConfig(f"nxt: the layout does not work: {problem}"))
+            self.arrival.answer(BadConfig(f"nxt: the layout does not work: {problem}"))
             return
         self._layout_is_done = True
         # Only now: a layout may declare them itself.
         self._declare_names(_MANUAL_NAMES)
-        self.send_limits()
+        self.limits.send()
         if self.is_complete():
-            self.answer_open(None)
+            self.arrival.answer(None)
         else:
-            self.wait_for_readings()
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number} {word}" if number == 1 else f"{number} {word}s"
+            self.arrival.wait_for_readings()

@@ -8,7 +8,8 @@ from typing import Any
 from urbihw.buses import messages as m
 from urbihw.buses.errors import BadValue
 from urbihw.kernel.uobject import function
-from urbihw.platforms.base import LINK_DOWN, WiredRobot
+from urbihw.platforms.arrival import LINK_DOWN
+from urbihw.platforms.base import WiredRobot
 from urbihw.platforms.p3dx.commands import DRIVING, GAINS, RAMPS, encode
 from urbihw.platforms.p3dx.packets import REQUESTS
 
@@ -27,13 +28,13 @@ class ArcosRobot(WiredRobot):
 
     def check_link(self) -> None:
         """Raises ValueError while the link is down."""
-        if not self.link.sensed:
+        if not self.arrival.is_up():
             raise ValueError(LINK_DOWN)
 
     def warn_on_failure(self, what: str) -> Callable[[m.Reply], None]:
         """Return a handler of a reply that logs its error, and warns the client that writes now."""
         origin = self.motion.origin()
-        return lambda reply: None if reply.ok else self.warn_writer(origin, "%s: %s", what, reply.error)
+        return lambda reply: None if reply.ok else self.guard.warn_writer(origin, "%s: %s", what, reply.error)
 
     def store_packet(self, device: str, values: Mapping[str, Any]) -> None:
         """Store the values of a packet that was requested."""
@@ -77,7 +78,7 @@ class ArcosRobot(WiredRobot):
     def _watch(self, device: str, period: float | None) -> None:
         if device not in REQUESTS:
             raise ValueError(f"there is no {device!r} to watch; there are: {', '.join(sorted(REQUESTS))}")
-        self.send_message(m.Watch(device, (), period))
+        self.worker.send(m.Watch(device, (), period))
 
     @function
     def values(self, device: str) -> dict[str, Any]:

@@ -15,7 +15,6 @@ from urbihw.kernel.uobject import (
     EffectorDevice,
     Motion,
     UObject,
-    UVar,
     event,
     function,
     number,
@@ -24,6 +23,7 @@ from urbihw.kernel.uobject import (
     set_range,
 )
 from urbihw.navigation.drive import Safety
+from urbihw.platforms.arrival import Arrival
 from urbihw.platforms.camera import CameraLog, PictureCamera
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.p3dx import words
@@ -44,8 +44,8 @@ class RobotCommands(Protocol):
 
     motion: Motion
     """Decides who may move it."""
-    link: UVar
-    """Whether it is connected."""
+    arrival: Arrival
+    """Knows whether it is connected."""
 
     def explain_off(self) -> str:
         """Return why the robot does not drive while the motors are off, else ""."""
@@ -214,7 +214,7 @@ class AxisSpeed(EffectorDevice):
             var = self.variables[name]
             var.set_property("rangemax", max(most, counts * self.unit))
             var.sense(counts * self.unit)
-            if counts and self._robot.link.sensed:  # an absent robot gets them when it comes
+            if counts and self._robot.arrival.is_up():  # an absent robot gets them when it comes
                 self._send_counts(name, counts)
 
     def _order_speed(self) -> None:

@@ -25,7 +25,7 @@ from urbihw.buses.driver import Driver, no_stop
 from urbihw.buses.errors import BadFrame, BadValue, LinkGone
 from urbihw.buses.halfpacket import HalfPacket
 from urbihw.buses.link import Link, Port, byte_link
-from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, Request, Samples, Targets, Watch
+from urbihw.buses.messages import Configure, Found, FromWorker, Refused, Reply, Request, Samples, Watch
 from urbihw.buses.readings import ALARM, Quantity, Reading
 from urbihw.platforms.p3dx import packets, sip
 from urbihw.platforms.p3dx.commands import DRIVING, GRIPPER, GRIPPER_HALTS, HALT, encode
@@ -246,25 +246,16 @@ class ArcosDriver(Driver):
 
     # ---------------------------------------------------------------- messages of the parent
 
-    def targets(self, message: Targets) -> list[FromWorker]:
-        """Speeds: ("robot", "vel") in mm/s, ("robot", "rvel") in deg/s."""
-        refused: list[FromWorker] = []
-        for (device, item), value in message.values.items():
-            reason = self._set_target(device, item, value)
-            if reason:
-                refused.append(Refused(device, item, reason))
-        return refused
-
-    def _set_target(self, device: Any, item: str, value: Any) -> str:
+    def set_target(self, device: Any, item: str, value: Any) -> None:
+        """Set a speed: ("robot", "vel") in mm/s, ("robot", "rvel") in deg/s."""
         speed = self._speeds.get(item) if device == ROBOT else None
         if speed is None:
-            return "there is no such target"
+            raise BadValue("there is no such target")
         if not isinstance(value, int) or abs(value) > LARGEST:
-            return f"{value!r} is no speed"
+            raise BadValue(f"{value!r} is no speed")
         if value and not self._flags & sip.MOTORS_ON:
-            return "the motors are off"
+            raise BadValue("the motors are off")
         speed.set_value(value)
-        return ""
 
     def watch(self, message: Watch, now: float) -> list[FromWorker]:
         """Start or end the packets of a device."""
@@ -279,14 +270,8 @@ class ArcosDriver(Driver):
             self._queue.append(_request_of(device, wanted))
         return []
 
-    def request(self, message: Request) -> list[FromWorker]:
+    def execute_request(self, message: Request) -> list[FromWorker]:
         """Execute a request: the head of this file lists them."""
-        try:
-            return self._execute_request(message)
-        except BadValue as error:
-            return [Reply(message.reply_id, False, error=str(error))]
-
-    def _execute_request(self, message: Request) -> list[FromWorker]:
         if self._link is None:
             raise BadValue("the link is down")
         if message.verb == "read":

@@ -26,7 +26,7 @@ from urbihw.kernel.uobject import (
 )
 from urbihw.navigation.drive import Drive, DriveLimits, State
 from urbihw.navigation.frames import Point
-from urbihw.platforms.base import LINK_DOWN
+from urbihw.platforms.arrival import LINK_DOWN
 from urbihw.platforms.hooks import LimitedDevice, LimitNamer, LimitTable
 from urbihw.platforms.limits import DeviceLimits, whole_counts
 from urbihw.platforms.p3dx import sip, words
@@ -136,11 +136,9 @@ class P3dx(ArcosRobot):
             self.camera.close()
         super().close()
 
-    def status(self) -> str:
+    def summary(self) -> str:
         """Return the model, the name, the voltage, and the states of motors and laser."""
-        if not self.link.sensed:
-            return "link down"
-        parts = [f"{self.model.sensed} {self.name_.sensed!r}", f"{self.battery.voltage.sensed:.1f} V"]
+        parts = [f"{self.identity.model.sensed} {self.identity.name_.sensed!r}", f"{self.battery.voltage.sensed:.1f} V"]
         parts.append("motors on" if self._motors else "motors off")
         if self.laser.state.sensed != "off":
             parts.append(f"laser {self.laser.state.sensed}")
@@ -168,7 +166,7 @@ class P3dx(ArcosRobot):
                 info.subclass,
             )
         config = info.config
-        self.identify(name=info.name, model=info.subclass, serial=str(config["serial"]))
+        self.identity.show(name=info.name, model=info.subclass, serial=str(config["serial"]))
         self.robotType.sense(str(info.kind))
         self.firmware.sense(str(config["firmware"]))
         factors = self.factors
@@ -191,7 +189,7 @@ class P3dx(ArcosRobot):
             P3dxLaser, None, mount, self.start_worker, self._watch_laser, self.offset
         )
         self.laser.log = self.log
-        self.laser.tell_lost = partial(self.show_part, "laser")
+        self.laser.tell_lost = partial(self.report.show_part, "laser")
         mechanics = CAMERAS[self.options.camera_model]()
         self.camera = create(P3dxCamera, None, self, mechanics, self.channel, self.options.camera_url, self.log)
         self.x = create(XSpeed, None, self, self._fastest[0])
@@ -238,11 +236,11 @@ class P3dx(ArcosRobot):
 
     def _on_tree_built(self, problem: str) -> None:
         if problem:
-            self.answer_open(BadConfig(f"the tree of components could not be made: {problem}"))
+            self.arrival.answer(BadConfig(f"the tree of components could not be made: {problem}"))
         else:
             self._complete = True
-            self.send_limits()
-            self.wait_for_readings()
+            self.limits.send()
+            self.arrival.wait_for_readings()
 
     _complete = False
     _is_still = True
@@ -408,7 +406,7 @@ class P3dx(ArcosRobot):
         def done(reply: m.Reply) -> None:
             if not reply.ok:
                 self._motors_wanted = self._motors
-                self.warn_writer(origin, "motors: %s", reply.error)
+                self.guard.warn_writer(origin, "motors: %s", reply.error)
                 if not self._motors:
                     self.halt(reply.error)
 
@@ -438,7 +436,7 @@ class P3dx(ArcosRobot):
 
     def explain_off(self) -> str:
         """Return why the robot does not drive while the link is down or the motors are off, else ""."""
-        if not self.link.sensed:
+        if not self.arrival.is_up():
             return LINK_DOWN
         on = self._motors or self._motors_wanted
         return "" if on else "the motors are off; switch them on first: P3dx.body.load = 1"
@@ -475,4 +473,4 @@ class P3dx(ArcosRobot):
         self.planner.move_to(goal)
 
     def _watch_laser(self, wanted: bool) -> None:
-        self.send_message(m.Watch("laser", ("ranges",), 0.0 if wanted else None))
+        self.worker.send(m.Watch("laser", ("ranges",), 0.0 if wanted else None))

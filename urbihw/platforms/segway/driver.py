@@ -39,11 +39,9 @@ from urbihw.buses.messages import (
     DeviceState,
     Found,
     FromWorker,
-    Refused,
     Reply,
     Request,
     Samples,
-    Targets,
     Watch,
 )
 from urbihw.buses.readings import ALARM, Quantity, Reading
@@ -176,21 +174,18 @@ class RmpDriver(Driver):
                 news += [DeviceReport(BASE, "channel", text) for text in line.pop_news()]
         return news + self._check_base(now)
 
-    def targets(self, message: Targets) -> list[FromWorker]:
-        """Accept new speeds for the next command. Without a base they are dropped.
+    def set_target(self, device: Any, item: str, value: Any) -> None:
+        """Accept a new speed for the next command. Without a base it is dropped.
 
-        While the motors are off they are refused; one refusal per item is posted each time the motors go off.
+        While the motors are off it is refused; one refusal per item is posted each time the motors go off.
         """
-        refused: list[FromWorker] = []
-        for (device, item), value in message.values.items():
-            if device != BASE or item not in _LIMITS or not isinstance(value, int):
-                refused.append(Refused(device, item, f"no such target, or {value!r} is no number of counts"))
-            elif self._state == "ok" and not (value and self._monitor.motors_off):
-                self._speeds[item] = value
-            elif self._state == "ok" and item not in self._refused:
-                self._refused.add(item)
-                refused.append(Refused(device, item, "the motors of the base are off"))
-        return refused
+        if device != BASE or item not in _LIMITS or not isinstance(value, int):
+            raise BadValue(f"no such target, or {value!r} is no number of counts")
+        if self._state == "ok" and not (value and self._monitor.motors_off):
+            self._speeds[item] = value
+        elif self._state == "ok" and item not in self._refused:
+            self._refused.add(item)
+            raise BadValue("the motors of the base are off")
 
     def watch(self, message: Watch, now: float) -> list[FromWorker]:
         """Post the last cycle, with all items, every `period` seconds, at most once per tick."""
@@ -198,10 +193,10 @@ class RmpDriver(Driver):
         self._next_sample = now
         return []
 
-    def request(self, message: Request) -> list[FromWorker]:
+    def execute_request(self, message: Request) -> list[FromWorker]:
         """Execute a request: see the head of this file."""
         if self._state != "ok":
-            return [Reply(message.reply_id, False, error="the base is not there")]
+            raise BadValue("the base is not there")
         match message.verb:
             case "write":
                 parameter = message.value if isinstance(message.value, int) else -1
@@ -216,7 +211,7 @@ class RmpDriver(Driver):
                 self._send(CanFrame(p.SHUTDOWN, bytes(8)))
                 return [Reply(message.reply_id, True)]
             case _:
-                return [Reply(message.reply_id, False, error=f"an RMP does not know {message.verb!r}")]
+                raise BadValue(f"an RMP does not know {message.verb!r}")
 
     def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
         """Set speed and turn to zero and send the command, SPACING after the last one."""

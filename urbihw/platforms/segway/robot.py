@@ -74,7 +74,7 @@ class Segway(WiredRobot):
         super().open(self._wanted, opened)
         self.options = SegwayOptions.of(settings.options)
         self.rmpModel.sense(self.options.model)
-        self.identify(model=f"{self.model_name} {self.options.model}")
+        self.identity.show(model=f"{self.model_name} {self.options.model}")
         self.channel.watch(BASE, (), 1 / self._wanted.rate)
 
     def configure(self, settings: RobotSettings) -> None:
@@ -89,14 +89,12 @@ class Segway(WiredRobot):
             self._laser.close()
         super().close()
 
-    def status(self) -> str:
+    def summary(self) -> str:
         """Return the model, the voltage of the battery and the rate."""
-        if not self.link.sensed:
-            return "link down"
         if self.state.sensed != "ok":
             return "base lost"
         volts = f", {self._raw['battery'] / 4:.0f} V" if "battery" in self._raw else ""
-        return f"RMP {self.rmpModel.sensed}{volts}" + self.rate_words()
+        return f"RMP {self.rmpModel.sensed}{volts}" + self.worker.rate_words()
 
     # ---------------------------------------------------------------- what urbiscript calls
 
@@ -152,7 +150,7 @@ class Segway(WiredRobot):
 
     def base_limits(self) -> DeviceLimits:
         """Return the limits of the settings for the base."""
-        return self.limits.device(BASE)
+        return self.limits.settings.device(BASE)
 
     def end_path(self) -> None:
         """End the planner's path: a program drives the base itself."""
@@ -178,7 +176,7 @@ class Segway(WiredRobot):
         self.channel.write(BASE, name, parameter, done, origin)
 
     def _refuse(self, slot: str, reason: str, origin: Origin) -> None:
-        self.warn_writer(origin, "%s: not done: %s", slot, reason)
+        self.guard.warn_writer(origin, "%s: not done: %s", slot, reason)
         self.refused.emit(slot, reason)
 
     # ---------------------------------------------------------------- the worker
@@ -208,8 +206,8 @@ class Segway(WiredRobot):
             self.host.run(path.read_text("latin-1"), path.name, self._has_tree)
 
     def _has_tree(self, problem: str) -> None:
-        self.send_limits()
-        self.answer_open(BadConfig(problem) if problem else None)
+        self.limits.send()
+        self.arrival.answer(BadConfig(problem) if problem else None)
 
     def on_samples(self, message: m.Samples) -> None:
         """Offer the values of a cycle to every RMP."""
@@ -239,17 +237,17 @@ class Segway(WiredRobot):
     def on_device_state(self, message: m.DeviceState) -> None:
         """Show the loss and the return of the base; the loss ends a path."""
         if message.new == "lost":
-            if self.opening:
-                self.answer_open(NotReady(_nobody(self.url.sensed, message.reason)))
+            if self.arrival.opening:
+                self.arrival.answer(NotReady(_nobody(self.arrival.url.sensed, message.reason)))
                 return
             self.log.warning("the base is lost: %s; its motion is zero until it is driven again", message.reason)
-            self.count_standstill()
+            self.guard.count_standstill()
             self._changed("lost")
             self._drop_path(f"the base is lost: {message.reason}")
             self.lost.emit(message.reason)
         elif message.new == "back":
             self.log.warning("the base is back")
-            self.count_standstill()
+            self.guard.count_standstill()
             self._changed("ok")
             self.back.emit()
 

@@ -10,9 +10,8 @@ from urbihw.buses.servos.item import Mode
 from urbihw.buses.servos.status import state_words
 from urbihw.buses.servos.stop import PRESENT_POSITION
 from urbihw.kernel.uobject import UVar
-from urbihw.platforms.servos.devices import ChangeHandler
 from urbihw.platforms.servos.motors import ServoMotor, Step, makes_wheel
-from urbihw.platforms.servos.slots import RegisterSlot
+from urbihw.platforms.servos.slots import ChangeHandler, RegisterSlot
 
 _SLOWEST: Final = 1
 """Counts of moving_speed: 0.1 rpm of a joint, 0.1 % of the drive of a wheel."""
@@ -110,7 +109,7 @@ class AngleLimitServo(ServoMotor):
         cw, ccw = self.limits
         if wheel:
             return self._plan({cw: 0, ccw: 0}, True)
-        values = self.counts_of_limits(least, most)
+        values = self.joint.counts_of_limits(self.limits, least, most)
         values[ccw] = max(values[ccw], 1)
         return self._plan(values, False)
 

@@ -15,14 +15,13 @@ from urbihw.buses.servos import units
 from urbihw.buses.servos.device import DeviceInfo
 from urbihw.buses.servos.item import ControlTable
 from urbihw.buses.servos.tables import table_for
-from urbihw.kernel.uobject import UObject, UVar, event, function, number, reading, set_range
+from urbihw.kernel.uobject import Motion, UObject, UVar, event, function, number, reading, set_range
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.devicelog import DeviceLog
 from urbihw.platforms.servos import words
-from urbihw.platforms.servos.slots import Facts, Kind, RegisterSlot, facts_of, rows_of
+from urbihw.platforms.servos.registers import RawRegisters
+from urbihw.platforms.servos.slots import ChangeHandler, Facts, Kind, RegisterSlot, facts_of, rows_of
 
-ChangeHandler = Callable[[int, float], None]
-"""Called with the new raw count of a register and its time."""
 Refused = Callable[["ServoBusDevice", str, str], None]
 """Called for a write that the device refused: device, slot, reason."""
 WRITE_LATENCY_S: Final = 0.25
@@ -43,6 +42,8 @@ class ServoBusDevice(UObject):
 
     slot_words = words.DEVICE
 
+    parts = (RawRegisters,)
+
     kind_of_device: ClassVar[str] = "device"
 
     id = reading()
@@ -61,7 +62,8 @@ class ServoBusDevice(UObject):
     hidden: tuple[tuple[str, float], ...] = ()
     """Registers that are read but are no slots, and the seconds between readings."""
     log: DeviceLog
-    """Set by the robot."""
+    motion: Motion
+    """Both are set by the robot."""
     state_changed: Callable[[], None] = staticmethod(lambda: None)
     """Called when ``state`` has changed; set by the robot."""
     _told = "ok", ""
@@ -85,6 +87,7 @@ class ServoBusDevice(UObject):
         self.seen = self.host.now()
         self.settings: dict[str, int] = {}
         self._report_refused = refused
+        RawRegisters(self, self)
         self._handlers: dict[str, list[ChangeHandler]] = {}
         self._missing: set[str] = set()
         for var, value in ((self.id, info.id), (self.model, info.model), (self.firmware, info.firmware)):

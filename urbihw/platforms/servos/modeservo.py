@@ -131,7 +131,7 @@ class ModeServo(ServoMotor):
             mode = self._mode_where(makes_wheel)
             return [] if mode is None else self._plan(mode, {})
         limited = self.mode_read if self.takes_positions else self._mode_where(lambda mode: bool(mode.limits))
-        return self._plan(limited, self.counts_of_limits(least, most))
+        return self._plan(limited, self.joint.counts_of_limits(self.limits, least, most))
 
     def _plan(self, mode: Mode | None, limits: Mapping[str, int]) -> list[Step]:
         """Torque off, limits, mode, effector at rest, what drove it as a setting again, torque on if it was on.

@@ -29,11 +29,11 @@ from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.hooks import LimitNamer, LimitTable
 from urbihw.platforms.limits import DeviceLimits, whole_counts
 from urbihw.platforms.servos import words
-from urbihw.platforms.servos.devices import ChangeHandler, Refused
+from urbihw.platforms.servos.devices import Refused, ServoBusDevice
 from urbihw.platforms.servos.frame import JointFrame
-from urbihw.platforms.servos.joint import Joint
+from urbihw.platforms.servos.joint import JointCounts
 from urbihw.platforms.servos.servolimits import ServoLimits
-from urbihw.platforms.servos.slots import RegisterSlot
+from urbihw.platforms.servos.slots import ChangeHandler, RegisterSlot
 
 _PROBE_COUNTS: Final = 1000  # converted to rad/s, they give the scale of a register
 _MODE_WORDS: Final = {"joint": "position", "wheel": "velocity"}
@@ -44,7 +44,7 @@ Step = tuple[str, Any]
 """One write of a change of mode: item and raw count, or ``PRESENT_POSITION``."""
 
 
-class ServoMotor(Joint, EffectorDevice):
+class ServoMotor(ServoBusDevice, EffectorDevice):
     """The base of the kinds of servos: how its mode is selected tells them apart."""
 
     slot_words = words.SERVO
@@ -58,12 +58,16 @@ class ServoMotor(Joint, EffectorDevice):
     overspeed = event()
 
     goal: ClassVar[str] = "goal_position"
+    limits: tuple[str, str]
+    """The registers of cwLimit and ccwLimit."""
+
     def init(  # type: ignore[override]
         self, channel: DeviceChannel, info: DeviceInfo, refused: Refused, motion: Motion, frame: JointFrame
     ) -> None:
         """``motion`` is who may move the robot, ``frame`` the joint that the servo is."""
         self.motion = motion
         self.frame = frame
+        self.joint = JointCounts(self.table_for(info), frame)
         self.mode_read: Mode | None = None
         self.jointName.sense(frame.name)
         super().init(channel, info, refused)
@@ -89,7 +93,7 @@ class ServoMotor(Joint, EffectorDevice):
         self.notify_change(self.mode, self._write_mode)
         for var in (self.cw_limit, self.ccw_limit):
             self.notify_change(var, self._write_limit)
-            set_range(var, *self.range_of(self.limits[0]))
+            set_range(var, *self.joint.range_of(self.limits[0]))
         for item in {*self.table.mode_items, *self.limits}:
             self.on_change(item, lambda raw, stamp: self._update_limits(stamp))
         set_range(self.load, 0.0, 1.0)
@@ -129,14 +133,23 @@ class ServoMotor(Joint, EffectorDevice):
             return lambda raw, stamp: self.update_load(stamp)
         if row.name in ("cwLimit", "ccwLimit"):
             return lambda raw, stamp: None
-        return self.framed_handler(row, var)
+        return self._framed_handler(row, var)
 
     def speed_handler(self, row: RegisterSlot, var: UVar) -> ChangeHandler:
         """Return the handler of the present speed; override where it depends on the mode."""
-        return self.framed_handler(row, var)
+        return self._framed_handler(row, var)
+
+    def _framed_handler(self, row: RegisterSlot, var: UVar) -> ChangeHandler:
+        if self.frame.is_plain:
+            return super().change_handler(row, var)
+        return self.joint.change_handler(row, var, self.facts)
+
+    def raw_of(self, row: RegisterSlot, value: float) -> int:
+        """Return the raw count for a value of a slot, in the frame of the joint.  Raises BadValue."""
+        return super().raw_of(row, self.frame.wanted(row.name, value))
 
     def _write_val(self, origin: Origin) -> None:
-        raw = self.count_of(self.goal, number(self.val))
+        raw = self.joint.count_of(self.goal, number(self.val))
         if self.switching:
             self._deferred_writes["val"] = origin
         elif self.takes_positions and not self._off:
@@ -305,7 +318,7 @@ class ServoMotor(Joint, EffectorDevice):
         if message.device != self.number:
             return
         if message.item == self.goal:
-            self.limit_applied(self.angle_of(self.goal, int(message.applied)), message.limit)
+            self.limit_applied(self.joint.angle_of(self.goal, int(message.applied)), message.limit)
         elif self.wheel.sensed and message.item == self.wheel_scale()[0]:
             raw = int(message.applied)
             self.limit_applied(self.speed_of(raw), message.limit)
@@ -347,9 +360,9 @@ class ServoMotor(Joint, EffectorDevice):
     def _range_in(self, mode: Mode | None) -> tuple[float, float]:
         """Return the lowest and highest position of the joint in a mode."""
         if mode is None or mode.limits:
-            least, most = sorted(self.angle_of(item, self.raw[item]) for item in self.limits)
+            least, most = sorted(self.joint.angle_of(item, self.raw[item]) for item in self.limits)
         else:
-            least, most = self.range_of(self.goal if mode.motion is ModeMotion.POSITION else self.limits[0])
+            least, most = self.joint.range_of(self.goal if mode.motion is ModeMotion.POSITION else self.limits[0])
         return max(least, min(self.frame.low, most)), min(most, max(self.frame.high, least))
 
     def _mode_named(self, name: str) -> Mode:
@@ -490,7 +503,7 @@ class ServoMotor(Joint, EffectorDevice):
         mode = self.mode_read = self.table.mode_of(self.raw)
         self.mode.sense("" if mode is None else mode.name, stamp)
         wheel = mode is not None and makes_wheel(mode)
-        least, most = sorted(self.angle_of(item, self.raw[item]) for item in self.limits)
+        least, most = sorted(self.joint.angle_of(item, self.raw[item]) for item in self.limits)
         self.wheel.sense(wheel)
         self.cw_limit.sense(0.0 if wheel else least, stamp)
         self.ccw_limit.sense(0.0 if wheel else most, stamp)

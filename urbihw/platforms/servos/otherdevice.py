@@ -5,11 +5,10 @@ from __future__ import annotations
 from urbihw.buses.servos.device import DeviceInfo
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.servos import slots, words
-from urbihw.platforms.servos.devices import Refused
-from urbihw.platforms.servos.registers import RegisterDevice
+from urbihw.platforms.servos.devices import Refused, ServoBusDevice
 
 
-class OtherDevice(RegisterDevice):
+class OtherDevice(ServoBusDevice):
     """A device without a motor, or of an unknown model.
 
     Its registers are read and written by name or, of an unknown model, by place: ``readRegister("@30:2")`` reads two

@@ -14,6 +14,7 @@ from urbihw.buses.servos.device import DeviceInfo
 from urbihw.buses.servos.status import FEETECH
 from urbihw.kernel.uobject import BadConfig, NotReady, Opened, RobotSettings, UObject, event, function, reading
 from urbihw.platforms import expected
+from urbihw.platforms.base import WiredRobot
 from urbihw.platforms.devicelog import BACK, LOST, DeviceEvent
 from urbihw.platforms.expected import DeviceSettings
 from urbihw.platforms.hooks import LimitedDevice
@@ -22,8 +23,8 @@ from urbihw.platforms.servos.devices import ServoBusDevice
 from urbihw.platforms.servos.frame import JointFrame, frame_of
 from urbihw.platforms.servos.motors import ServoMotor
 from urbihw.platforms.servos.options import CALIBRATION, for_driver
-from urbihw.platforms.servos.registers import RegisterDevice
-from urbihw.platforms.teach.robot import MotionRobot
+from urbihw.platforms.teach.motions import TaughtMotions
+from urbihw.platforms.words import counted
 
 _OF_ANOTHER: Final = "it belongs to another robot, which is gone"
 LEFT: Final = DeviceEvent(
@@ -103,7 +104,7 @@ def _conflict_text(number: int) -> str:
             "with urbihw servo set-id")
 
 
-class ServoRobot(MotionRobot):
+class ServoRobot(WiredRobot):
     """A robot on one servo bus.
 
     A subclass sets ``kinds`` and ``robot_name``, and implements ``class_of``.  Its library defines the function
@@ -114,6 +115,8 @@ class ServoRobot(MotionRobot):
     classes: ClassVar[tuple[type[UObject], ...]] = (Devices,)
 
     slot_words = words.BUS
+
+    parts = (TaughtMotions,)
 
     family = "servos"
 
@@ -129,6 +132,7 @@ class ServoRobot(MotionRobot):
     def init(self) -> None:
         """Called by ``new``; nothing happens before ``open``."""
         super().init()
+        self.motions = TaughtMotions(self, self.robot_name, self.motion, self.log, self.joint_position)
         self.devices: dict[int, ServoBusDevice] = {}
         self.tables: dict[str, Devices] = {}
         self._infos: dict[int, DeviceInfo] = {}
@@ -153,6 +157,7 @@ class ServoRobot(MotionRobot):
         for kind in self.kinds:
             table = self.tables[kind] = self.host.create(Devices, None, kind)
             self.put_slot(f"{kind}Table", table)
+        self.motions.use_folder(settings.motions)
         self._set_period(settings.rate)
         self._read_joints(settings)
         super().open(replace(settings, options=for_driver(settings.options)), opened)
@@ -225,15 +230,12 @@ class ServoRobot(MotionRobot):
             text = f"if (System.period == {before!r}) System.period = {period!r};"
             self.host.run(text, f"{self.robot_name}.period")
 
-    def status(self) -> str:
+    def summary(self) -> str:
         """Return the number of devices of each kind, the rate, and which are lost."""
-        if not self.link.sensed:
-            return "link down"
         lost = [str(number) for number, device in self.devices.items() if device.state.sensed == "lost"]
         shown = [kind for kind, table in self.tables.items() if table.members or kind not in _OPTIONAL]
-        parts = [_count(len(self.tables[kind].members), _STATUS_WORDS[kind]) for kind in shown]
-        if self.rate.sensed:
-            parts.append(f"{self.rate.sensed:.0f} Hz")
+        parts = [counted(len(self.tables[kind].members), _STATUS_WORDS[kind]) for kind in shown]
+        parts[-1] += self.worker.rate_words()
         missing = f", missing: {' '.join(map(str, self._missing))}" if self._missing else ""
         return ", ".join(parts) + (f", lost: {' '.join(lost)}" if lost else "") + missing
 
@@ -250,7 +252,7 @@ class ServoRobot(MotionRobot):
         self.channel.send_request("scan", 0, done)
 
     def joint_position(self, number: int, position: float) -> float:
-        """See ``MotionRobot``: in the frame of the joint."""
+        """Return the position of a joint in its frame for one of its motor, from the middle, in rad."""
         servo = self.devices.get(number)
         return servo.frame.joint(position) if isinstance(servo, ServoMotor) else position
 
@@ -283,7 +285,7 @@ class ServoRobot(MotionRobot):
             device.link_changed(False)
 
     def signed_target(self, device: Any, item: str, raw: Any) -> float:
-        """See ``WiredRobot``: the speed of an AX wheel has its sign in a bit."""
+        """Return a raw target as a signed number: the speed of an AX wheel has its sign in a bit."""
         scale = self._wheel_scale(device, item)
         return float(raw) if scale is None else scale[0].speed_of(int(raw)) * scale[1]
 
@@ -312,15 +314,16 @@ class ServoRobot(MotionRobot):
                 device.link_changed(True)
         grow = f"{self.robot_name}.grow"
         self.host.run(f"{grow};", grow, self._on_tree_built)
+        url = self.arrival.url.sensed
         conflict = self._explain_conflicts(message.conflicts)
         foreign = [info for info in message.devices if self.class_of(info) is None]
         others = self._explain_foreign(foreign)
-        if self.opening and len(foreign) == len(message.devices):
-            self.answer_open(
+        if self.arrival.opening and len(foreign) == len(message.devices):
+            self.arrival.answer(
                 NotReady(
                     conflict
                     or others
-                    or f"no servo found on {self.url.sensed}: is the robot switched on, are the cables plugged in, "
+                    or f"no servo found on {url}: is the robot switched on, are the cables plugged in, "
                     "is this its speed (?baud=1000000)?"
                 )
             )
@@ -329,8 +332,8 @@ class ServoRobot(MotionRobot):
             self.log.error("%s", conflict)
         if others:
             self.log.warning("%s", others)
-        if self.opening:
-            self.wait_for_readings()
+        if self.arrival.opening:
+            self.arrival.wait_for_readings()
 
     def on_gone(self, message: m.GuestsGone) -> None:
         """Take the devices of another robot out of the tables; a program that has one finds it lost."""
@@ -344,16 +347,15 @@ class ServoRobot(MotionRobot):
                 self.log.log_event(LEFT, f"{device.kind_of_device} {number}")
                 group = f"{self.robot_name}.{device.kind_of_device}s"
                 self.host.run(f"{group}.remove({device.kind_of_device}{number});", group, self._on_left_group)
-        self.show_problems()
+        self.report.show()
 
     def _on_left_group(self, problem: str) -> None:
         if problem:
             self.log.error("a device of another robot stays in its group: %s", problem)
 
-    def has_limits(self) -> bool:
+    def has_own_limits(self) -> bool:
         """Joints may have a range by ``[devices]`` or by their calibration."""
-        ranges = (device.frame.limit for device in self.devices.values() if isinstance(device, ServoMotor))
-        return super().has_limits() or any(ranges)
+        return any(device.frame.limit for device in self.devices.values() if isinstance(device, ServoMotor))
 
     def limited_devices(self) -> Mapping[str, LimitedDevice]:
         """Return the servos as ``motor1`` to ``motorN``."""
@@ -366,7 +368,6 @@ class ServoRobot(MotionRobot):
 
     def on_threshold_crossed(self, message: m.ThresholdCrossed) -> None:
         """Also show the torque of a servo that a threshold has released as off."""
-        super().on_threshold_crossed(message)
         device = self.devices.get(message.device)
         if message.holds and message.passed and isinstance(device, ServoMotor):
             device.mark_released()
@@ -381,15 +382,15 @@ class ServoRobot(MotionRobot):
 
     def _explain_conflicts(self, ids: tuple[int, ...]) -> str:
         for number in {*self._conflicts, *ids}:
-            self.send_message(m.Unusable(number, _conflict_text(number) if number in ids else ""))
+            self.worker.send(m.Unusable(number, _conflict_text(number) if number in ids else ""))
         self._conflicts = ids
-        self.show_problems()
+        self.report.show()
         if not ids:
             return ""
         numbers = " and ".join(map(str, ids))
         return (
-            f"several devices answer to id {numbers} on {self.url.sensed}: take all but one off the bus and give the "
-            "others ids of their own"
+            f"several devices answer to id {numbers} on {self.arrival.url.sensed}: take all but one off the bus and "
+            "give the others ids of their own"
         )
 
     def _explain_foreign(self, infos: Sequence[DeviceInfo]) -> str:
@@ -401,7 +402,7 @@ class ServoRobot(MotionRobot):
         feetech = any(info.protocol == FEETECH for info in infos)
         kits = "so101 for an SO-101 arm" if feetech else "bioloid for a Bioloid"
         return (
-            f"{self.url.sensed} has {found}{more}, which {self.model_name} does not have; left alone: "
+            f"{self.arrival.url.sensed} has {found}{more}, which {self.model_name} does not have; left alone: "
             f"use --platform {kits}, --platform chain for any servos"
         )
 
@@ -412,11 +413,10 @@ class ServoRobot(MotionRobot):
         joint = (self.motion, self._frame_of(info)) if issubclass(made, ServoMotor) else ()
         name = f"{made.kind_of_device}{info.id}"
         device = self.host.create(made, name, self.channel, info, self._report_refused, *joint)
-        device.log, device.state_changed = self.log, self.show_problems
-        if isinstance(device, RegisterDevice):
-            device.motion = self.motion
+        device.log, device.state_changed = self.log, self.report.show
+        device.motion = self.motion
         if isinstance(device, ServoMotor):
-            device.mode_changed = self.send_limits
+            device.mode_changed = self.limits.send
         if self._missing.pop(info.id, 0) is None:
             self.missing.sense([float(number) for number in self._missing])
         self.devices[info.id] = self.tables[made.kind_of_device].members[info.id] = device
@@ -453,8 +453,8 @@ class ServoRobot(MotionRobot):
             # It may have been silent before, which was another reason.
             self.motion.set_absent(number, "")
             self.motion.set_absent(number, text)
-        self.send_message(m.Unusable(number, reason))
-        self.show_problems()
+        self.worker.send(m.Unusable(number, reason))
+        self.report.show()
 
     def unusable_devices(self) -> list[str]:
         """See ``RobotHooks``: another model under the id of a device, several devices of one id, alarms."""
@@ -462,11 +462,6 @@ class ServoRobot(MotionRobot):
                    for number, reason in self.channel.blocked.items() if number in self.devices]
         alarms = [device.explain_alarm() for device in self.devices.values() if device.state.sensed == "alarm"]
         return [*blocked, *(_conflict_text(number) for number in self._conflicts), *alarms]
-
-    def on_refused(self, message: m.Refused) -> None:
-        """Log a refusal; not that another model under a known id lacks registers, since that is reported already."""
-        if message.device not in self.channel.blocked:
-            super().on_refused(message)
 
     def on_happened(self, message: m.DeviceReport) -> None:
         """Show what a joint does against what it was told; the movements of one that was stopped for it are over."""
@@ -483,9 +478,9 @@ class ServoRobot(MotionRobot):
             motor.mark_released()
         elif message.what == "halted":
             self.log.warning("%s: it was stopped", message.value)
-            self._end_movements(message.device, message.value)
+            self.guard.end_movements(message.device, message.value)
             # Targets may have been on their way.
-            self.send_message(m.Stop(self.motion.epoch, message.value, (message.device,)))
+            self.worker.send(m.Stop(self.motion.epoch, message.value, (message.device,)))
 
     def on_device_state(self, message: m.DeviceState) -> None:
         """Show the loss and the return of a device; one that was lost before it was found is logged as missing."""
@@ -510,7 +505,3 @@ class ServoRobot(MotionRobot):
     def _report_refused(self, device: ServoBusDevice, slot: str, reason: str) -> None:
         self.log.warning("%s %d: %s not written: %s", device.kind_of_device, device.number, slot, reason)
         self.refused.emit(device, slot, reason)
-
-
-def _count(number: int, word: str) -> str:
-    return f"{number} {word}" if number == 1 else f"{number} {word}s"

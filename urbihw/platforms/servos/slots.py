@@ -18,6 +18,8 @@ from typing import Any, Final
 
 from urbihw.buses.servos.item import ControlTable
 
+ChangeHandler = Callable[[int, float], None]
+"""Called with the new raw count of a register and its time."""
 FAST: Final = 0.0
 """Seconds between readings: every tick."""
 MEDIUM: Final = 0.1

@@ -38,7 +38,7 @@ class Leader(ServoRobot):
         """
         super().open(settings, opened)
         self.motion.latched = HAND
-        self.estop.sense(True)
+        self.guard.estop.sense(True)
 
     def class_of(self, info: DeviceInfo) -> type[ServoBusDevice] | None:
         """Return the class of a joint."""

@@ -8,7 +8,7 @@ from typing import Final
 
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import NIL, EffectorDevice, Motion, UObject, number, owned, reading, set_range
-from urbihw.platforms.base import LINK_DOWN
+from urbihw.platforms.arrival import LINK_DOWN
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.hooks import LimitNamer, LimitTable
 from urbihw.platforms.limits import DeviceLimits, whole_counts

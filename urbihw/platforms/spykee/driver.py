@@ -30,11 +30,9 @@ from urbihw.buses.messages import (
     DeviceReport,
     Found,
     FromWorker,
-    Refused,
     Reply,
     Request,
     Samples,
-    Targets,
     Watch,
 )
 from urbihw.buses.readings import Reading
@@ -222,20 +220,17 @@ class SpykeeDriver(Driver):
 
     # ---------------------------------------------------------------- what the parent wants
 
-    def targets(self, message: Targets) -> list[FromWorker]:
-        """Accept speeds of tracks, which are dropped without a link, and lights, which are kept."""
-        refused: list[FromWorker] = []
-        for (device, item), value in message.values.items():
-            if device in TRACKS and item == "speed" and isinstance(value, int) and abs(value) <= p.FULL:
-                if self._link is not None:
-                    self._tracks.set_speed(device, value)
-            elif device in p.LEDS and item == "on" and value in (0, 1):
-                self._leds[device] = value
-                if self._link is not None:
-                    self._switches.append(_light(device, value))
-            else:
-                refused.append(Refused(device, item, f"no such target, or no such value: {value!r}"))
-        return refused
+    def set_target(self, device: Any, item: str, value: Any) -> None:
+        """Accept the speed of a track, which is dropped without a link, or a light, which is kept."""
+        if device in TRACKS and item == "speed" and isinstance(value, int) and abs(value) <= p.FULL:
+            if self._link is not None:
+                self._tracks.set_speed(device, value)
+        elif device in p.LEDS and item == "on" and value in (0, 1):
+            self._leds[device] = value
+            if self._link is not None:
+                self._switches.append(_light(device, value))
+        else:
+            raise BadValue(f"no such target, or no such value: {value!r}")
 
     def watch(self, message: Watch, now: float) -> list[FromWorker]:
         """Switch pictures or sound on or off."""
@@ -248,17 +243,11 @@ class SpykeeDriver(Driver):
             self._switches.append(_stream(device, wanted))
         return []
 
-    def request(self, message: Request) -> list[FromWorker]:
+    def execute_request(self, message: Request) -> list[FromWorker]:
         """Execute one of the requests listed at the head of this file.  Raises LinkGone."""
         link = self._link
         if link is None:
-            return [Reply(message.reply_id, False, error="the link is down")]
-        try:
-            return self._request(message, link)
-        except BadValue as error:
-            return [Reply(message.reply_id, False, error=str(error))]
-
-    def _request(self, message: Request, link: Link) -> list[FromWorker]:
+            raise BadValue("the link is down")
         match message.verb, message.device, message.item:
             case "read", ("config" | "networks" | "log") as what, _:
                 kind = _QUESTIONS[what]

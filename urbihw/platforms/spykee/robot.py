@@ -22,7 +22,8 @@ from urbihw.kernel.uobject import (
     reading,
     set_range,
 )
-from urbihw.platforms.base import LINK_DOWN, WiredRobot
+from urbihw.platforms.arrival import LINK_DOWN
+from urbihw.platforms.base import WiredRobot
 from urbihw.platforms.hooks import LimitedDevice
 from urbihw.platforms.spykee import protocol as p
 from urbihw.platforms.spykee import words
@@ -72,7 +73,7 @@ class Spykee(WiredRobot):
         self._options = SpykeeOptions()
         self._calibration = Calibration(self._options.full_speed, self._options.full_turn)
         self._count = 0
-        self._built = self._complete = self._measured = False
+        self._built = self._measured = False
         set_range(self.volume, 0.0, 100.0)
         self.notify_change(self.volume, self._write_volume)
 
@@ -87,6 +88,7 @@ class Spykee(WiredRobot):
         """Apply new options and settings, and load the calibration again."""
         self._read_options(settings)
         super().configure(settings)
+        self._check_limits()
         if self._built:
             self._load_calibration()
 
@@ -96,10 +98,8 @@ class Spykee(WiredRobot):
         except BadSetting as error:
             raise BadConfig(f"spykee: {error}") from error
 
-    def status(self) -> str:
+    def summary(self) -> str:
         """Return the name of the robot and its charge."""
-        if not self.link.sensed:
-            return "link down"
         power = "charging" if self.charging.sensed else f"battery {self.power.sensed:.0f} %"
         return f"{self.robotName.sensed or self.uid.sensed}, {power}"
 
@@ -109,20 +109,20 @@ class Spykee(WiredRobot):
         """Make the objects at the first connection; after each later one, restart the sound stream."""
         (info,) = message.devices
         self._identify(info)
+        self._check_limits()
         # A robot that was switched off has lost its volume.
         self._send_volume(self._options.volume if not self._built else int(self.volume.sensed))
         if not self._built:
             self._build()
-            path = Path(__file__).with_name(TREE)
-            self.host.run(path.read_text("latin-1"), path.name, self._has_tree)
+            self.build_tree(Path(__file__).with_name(TREE))
             return
         self.micro.reset_numbers()
-        self.send_limits()
+        self.limits.send()
 
     def _identify(self, info: SpykeeRobotInfo) -> None:
         self.uid.sense(info.uid)
         self.robotName.sense(info.name)
-        self.identify(name=info.name, serial=info.uid)
+        self.identity.show(name=info.name, serial=info.uid)
         self.firmware.sense(info.firmware)
         self.onDock.sense(info.docked)
         self._load_calibration()
@@ -141,30 +141,21 @@ class Spykee(WiredRobot):
         self.mp3 = create(SpykeeMp3, "mp3", channel, self.log)
         self.battery = create(SpykeeBattery, "battery")
 
-    def _has_tree(self, problem: str) -> None:
-        if problem:
-            self.answer_open(BadConfig(problem))
-            return
-        self._complete = True
-        self.send_limits()
-        self.wait_for_readings()
-
     def is_complete(self) -> bool:
         """Return whether the tree is built and the robot was measured once."""
-        return self._complete and self._measured
+        return self.has_tree and self._measured
 
     def limited_devices(self) -> Mapping[str, LimitedDevice]:
         """Return the two tracks by name."""
         return dict(zip(TRACKS, self.tracks, strict=True)) if self._built else {}
 
-    def send_limits(self) -> None:
-        """Also warn of a speed that was meant as a share of 1 or as m/s: with less than 1 % no track runs."""
-        super().send_limits()
+    def _check_limits(self) -> None:
+        """Warn of a speed that was meant as a share of 1 or as m/s: with less than 1 % no track runs."""
         for name in TRACKS:
-            if self.limits.device(name).speed < 1:
+            if self.limits.settings.device(name).speed < 1:
                 self.log.warning(
                     "%s = %g is percent of full power, so %s does not run; for a third of full power write 33",
-                    self.limits.named("speed", name), self.limits.device(name).speed, name,
+                    self.limits.settings.named("speed", name), self.limits.settings.device(name).speed, name,
                 )  # fmt: skip
 
     # ---------------------------------------------------------------- what the worker says
@@ -203,7 +194,7 @@ class Spykee(WiredRobot):
             self.mp3.link_down()
             self._halt_tracks(None)
             self.battery.mark_stale()
-            if self._complete:
+            if self.has_tree:
                 # A movement is computed from the time alone, so its position is unknown now.
                 self.send("Mobility.of(robot).lose;")
 
@@ -215,7 +206,7 @@ class Spykee(WiredRobot):
     @function("explainOff")
     def explain_off(self) -> str:
         """Return the reason why the tracks do not run, in words; "" if they do."""
-        if not self.link.sensed:
+        if not self.arrival.is_up():
             return LINK_DOWN
         return DOCKED if self.onDock.sensed else ""
 
@@ -252,7 +243,7 @@ class Spykee(WiredRobot):
     def _send_volume(self, volume: int) -> None:
         self.volume.sense(float(volume))
         # A robot that is absent gets it when it comes.
-        if self.link.sensed or not self.opening:
+        if self.arrival.is_up() or not self.arrival.opening:
             self.channel.write("play", "volume", volume, self._warn("volume"))
 
     @function("tracksFor")
@@ -314,7 +305,7 @@ class Spykee(WiredRobot):
 
     def check_link(self) -> None:
         """Raise ValueError while the link is down."""
-        if not self.link.sensed:
+        if not self.arrival.is_up():
             raise ValueError(LINK_DOWN)
 
     def _warn(self, what: str) -> Any:

@@ -19,18 +19,16 @@ from typing import Any, Final
 
 from urbihw.buses.clock import BusClock, BusRealClock
 from urbihw.buses.driver import Driver, no_stop
-from urbihw.buses.errors import BadUrl, LinkGone
+from urbihw.buses.errors import BadUrl, BadValue, LinkGone
 from urbihw.buses.link import Port
 from urbihw.buses.messages import (
     Configure,
     DeviceReport,
     Found,
     FromWorker,
-    Refused,
     Reply,
     Request,
     Samples,
-    Targets,
     Watch,
 )
 from urbihw.buses.readings import Quantity
@@ -204,20 +202,17 @@ class SimulationDriver(Driver):
 
     # ---------------------------------------------------------------- what is asked
 
-    def targets(self, message: Targets) -> list[FromWorker]:
-        """Order what motors do with the next step."""
-        refused: list[FromWorker] = []
-        for (device, item), value in message.values.items():
-            if item == GRANTED:
-                self._granted = max(self._granted, int(value[0]))
-            elif item not in _TARGETS or isinstance(value, bool) or not isinstance(value, int | float):
-                refused.append(Refused(device, item, f"no such target: {value!r}"))
-            elif self._simulation is not None:
-                self._moved[device] = None
-                if item == "velocity":
-                    self._order(device, "position", math.inf)
-                self._order(device, item, float(value))
-        return refused
+    def set_target(self, device: Any, item: str, value: Any) -> None:
+        """Order what a motor does with the next step."""
+        if item == GRANTED:
+            self._granted = max(self._granted, int(value[0]))
+        elif item not in _TARGETS or isinstance(value, bool) or not isinstance(value, int | float):
+            raise BadValue(f"no such target: {value!r}")
+        elif self._simulation is not None:
+            self._moved[device] = None
+            if item == "velocity":
+                self._order(device, "position", math.inf)
+            self._order(device, item, float(value))
 
     def _order(self, device: str, item: str, value: Any) -> None:
         self._orders.append(StepOrder("write", device, item, value))
@@ -237,13 +232,13 @@ class SimulationDriver(Driver):
         ms = 0 if period is None else max(round(period * 1000), self._step_ms)
         self._orders.append(StepOrder("enable", device, "", ms))
 
-    def request(self, message: Request) -> list[FromWorker]:
+    def execute_request(self, message: Request) -> list[FromWorker]:
         """See the top of this file."""
         if message.verb == "read":
             known = self._last.get(message.device)
             return [Reply(message.reply_id, known is not None, known, "" if known is not None else "not measured yet")]
         if self._simulation is None:
-            return [Reply(message.reply_id, False, error="there is no simulation")]
+            raise BadValue("there is no simulation")
         if message.verb == "mode":
             was_paused, self._paused = self._paused, message.value == "pause"
             if was_paused != self._paused:
@@ -255,7 +250,7 @@ class SimulationDriver(Driver):
         elif message.verb in ("label", "reset physics", "revert", "quit"):
             self._orders.append(StepOrder(message.verb, "", "", message.value))
         else:
-            return [Reply(message.reply_id, False, error=f"a simulation has no request {message.verb!r}")]
+            raise BadValue(f"a simulation has no request {message.verb!r}")
         return [Reply(message.reply_id, True)]
 
     # ---------------------------------------------------------------- motion

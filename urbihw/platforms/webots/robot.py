@@ -15,7 +15,6 @@ from typing import Any, Final
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import (
     BadConfig,
-    DeviceError,
     Opened,
     RobotSettings,
     event,
@@ -149,21 +148,18 @@ class Webots(WiredRobot):
             raise BadConfig(f"webots: {error}") from error
         self._wanted = settings
 
-    def status(self) -> str:
+    def summary(self) -> str:
         """Return world, simulator and time."""
-        if not self.link.sensed or self._world is None:
-            return "link down"
-        return f"{self._world.name} in {self._world.simulator}, {len(self._world.devices)} devices, {self.mode.sensed}"
+        world = self.world
+        return f"{world.name} in {world.simulator}, {len(world.devices)} devices, {self.mode.sensed}"
 
     def waits_for(self) -> str:
         """See ``Robot``: it waits for a binding file that does not end, too."""
         return super().waits_for() or (not_ended(self._running) if self._running else "")
 
-    def answer_open(self, error: DeviceError | None) -> None:
-        """See ``WiredRobot``; while there is no simulation, time goes on by itself."""
-        if error is not None:
-            self.host.release_time()
-        super().answer_open(error)
+    def on_absent(self) -> None:
+        """While there is no simulation, time goes on by itself."""
+        self.host.release_time()
 
     # ---------------------------------------------------------------- what devices use (``surface``)
 
@@ -176,11 +172,11 @@ class Webots(WiredRobot):
     def add_motor(self, name: str, motor: SimMotor) -> None:
         self._motors[name] = motor
         self.add_device(name, motor, 0.0)
-        self.send_limits()
+        self.limits.send()
 
     def stop_motor(self, name: str, reason: str) -> None:
         self.motion.end(name, reason)
-        self.send_message(m.Stop(self.motion.epoch, reason, (name,)))
+        self.worker.send(m.Stop(self.motion.epoch, reason, (name,)))
 
     def add_device(self, name: str, device: Shown, period: float) -> None:
         self._shown.setdefault(name, []).append(device)
@@ -260,10 +256,10 @@ class Webots(WiredRobot):
                 self._grant()
 
     def _grant(self) -> None:
-        if self._owed is None or (self._waits and not self.opening):
+        if self._owed is None or (self._waits and not self.arrival.opening):
             return
         step, self._owed = self._owed, None
-        self.send_message(m.Targets({(SIMULATOR, GRANTED): (step,)}, self.motion.epoch, self.host.now()))
+        self.worker.send(m.Targets({(SIMULATOR, GRANTED): (step,)}, self.motion.epoch, self.host.now()))
 
     # ---------------------------------------------------------------- the worker
 
@@ -279,7 +275,7 @@ class Webots(WiredRobot):
         self.simulator.sense(world.simulator)
         self.world_.sense(world.name)
         self.deviceNames.sense({each.name: each.kind for each in world.devices})
-        self.identify(name=world.name, model=f"{self.model_name} in {world.simulator}")
+        self.identity.show(name=world.name, model=f"{self.model_name} in {world.simulator}")
         self._pace()
         if self._built:
             return
@@ -290,7 +286,8 @@ class Webots(WiredRobot):
         try:
             texts = [(path.read_text("latin-1"), path.name) for path in paths]
         except OSError as error:
-            self.answer_open(BadConfig(f"the program of the world cannot be read: {error.filename}: {error.strerror}"))
+            reason = f"the program of the world cannot be read: {error.filename}: {error.strerror}"
+            self.arrival.answer(BadConfig(reason))
             return
         texts.append((_TREE % str(not texts).lower(), "webots.u"))
         if world.model:
@@ -302,14 +299,14 @@ class Webots(WiredRobot):
         """Run the binding files of the world, one after the other; the last one makes a tree if there is none."""
         self._running = texts[0][1] if texts and not problem else ""
         if problem:
-            self.answer_open(BadConfig(f"the objects of the world cannot be made: {problem}"))
+            self.arrival.answer(BadConfig(f"the objects of the world cannot be made: {problem}"))
             return
         if texts:
             self.host.run(*texts[0], lambda found: self._run_programs(texts[1:], found))
             return
-        self.send_limits()
+        self.limits.send()
         self._measured = True
-        self.wait_for_readings()
+        self.arrival.wait_for_readings()
 
     def is_complete(self) -> bool:
         """Return whether the tree is built, and a step was made since."""

@@ -1,4 +1,4 @@
-"""The base of the robots with joints: records, keeps and plays motions for ``teach.u``, which writes to the joints.
+"""The motions of a robot with joints: records, keeps and plays them for ``teach.u``, which writes to the joints.
 
 A motion that is played is a number here, and so is one that is recorded; both end by ``dropMotion`` and
 ``endRecording``.
@@ -7,12 +7,12 @@ A motion that is played is a number here, and so is one that is recorded; both e
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from urbihw.kernel.uobject import Opened, Origin, RobotSettings, function
-from urbihw.platforms.base import WiredRobot
+from urbihw.kernel.uobject import DevicePart, Motion, Origin, UObject, function
+from urbihw.platforms.devicelog import DeviceLog
 from urbihw.platforms.teach.course import Course, EndRequest, Key, keys_of, keys_of_pages, repeat_keys
 from urbihw.platforms.teach.recording import (
     MAX_RATE_HZ,
@@ -60,28 +60,35 @@ class _Played:
         self.course, self.motors = course, motors
 
 
-class MotionRobot(WiredRobot):
-    """A robot with joints."""
+JointPosition = Callable[[int, float], float]
+"""Returns the position of a joint in rad for one of its motor, which has a number, from the middle."""
 
-    def init(self) -> None:
-        """Called by ``new``; nothing happens before ``open``."""
-        super().init()
+
+def _as_motor(number: int, position: float) -> float:
+    """The position of a joint whose frame is that of its motor."""
+    return position
+
+
+class TaughtMotions(DevicePart):
+    """The motions of one robot."""
+
+    def __init__(
+        self, device: UObject, name: str, motion: Motion, log: DeviceLog, joint_position: JointPosition = _as_motor
+    ) -> None:
+        """``name`` is that of the robot, for files."""
+        super().__init__(device)
+        self._name, self._motion, self._log, self._joint_position = name, motion, log, joint_position
         self._motions = Store(None, "motion")
         self._poses = Store(None, "pose")
         self._played: dict[int, _Played] = {}
         self._taken: dict[int, _Taken] = {}
         self._last_motion = 0
 
-    def open(self, settings: RobotSettings, opened: Opened) -> None:
-        """See ``Robot``; also find the folder of motions."""
-        folder = Path(settings.motions) if settings.motions else None
+    def use_folder(self, path: str) -> None:
+        """Keep the motions in a folder; "" for none."""
+        folder = Path(path) if path else None
         self._motions = Store(folder, "motion")
         self._poses = Store(None if folder is None else folder / "poses", "pose")
-        super().open(settings, opened)
-
-    def joint_position(self, number: int, position: float) -> float:
-        """Return the position of a joint in rad for one of its motor, from the middle; override for other frames."""
-        return position
 
     # ---------------------------------------------------------------- what there is
 
@@ -121,7 +128,7 @@ class MotionRobot(WiredRobot):
         if not 0 < len(names) <= MAX_JOINED:
             raise ValueError(f"give 1 to {MAX_JOINED} motions")
         request = EndRequest()
-        plan = _Plan(self, joints, motors, request, speed)
+        plan = _Plan(self._joint_position, joints, motors, request, speed)
         parts = [plan.read(self._poses if kind == "pose" else self._motions, name) for name in names]
         used = plan.used
         for place in used:
@@ -144,7 +151,7 @@ class MotionRobot(WiredRobot):
 
     def _require_present(self, motors: frozenset[int], end: str) -> None:
         """Raise ValueError when the link or one of these motors is lost."""
-        for device, (reason, _) in self.motion.absent.items():
+        for device, (reason, _) in self._motion.absent.items():
             if device is None or device in motors:
                 raise ValueError(f"{reason}: {end}")
 
@@ -165,7 +172,7 @@ class MotionRobot(WiredRobot):
     def save_pose_file(self, name: str, joints: list[str], angles: list[float]) -> None:
         """Write a pose to its file."""
         _check_angles(joints, angles)
-        self._poses.save(name, MotionRecording(self.robot_name, 0.0, tuple(joints), (PoseRow(0.0, tuple(angles)),)))
+        self._poses.save(name, MotionRecording(self._name, 0.0, tuple(joints), (PoseRow(0.0, tuple(angles)),)))
 
     @function("beginRecording")
     def begin_recording(self, name: str, joints: list[str], motors: list[float], rate: float) -> int:
@@ -175,7 +182,7 @@ class MotionRobot(WiredRobot):
             raise ValueError(f"the rate is 0 (key poses) to {MAX_RATE_HZ:g} Hz, not {rate:g}")
         self._last_motion += 1
         self._taken[self._last_motion] = _Taken(
-            name, joints, frozenset(map(int, motors)), rate, self.motion.origin()
+            name, joints, frozenset(map(int, motors)), rate, self._motion.origin()
         )
         return self._last_motion
 
@@ -184,10 +191,10 @@ class MotionRobot(WiredRobot):
         """Raise an error when a recording may not go on, nor its joints be switched on at its end: since its begin the
         robot was stopped, the link or a joint was lost, or its client has left.  A hand may hold the joints then."""
         taken = self._taken[number]
-        self.motion.check()
+        self._motion.check()
         self._require_present(taken.motors, "the recording has ended")
-        if not self.motion.is_live(taken.origin):
-            reason = self.motion.latched or f"{taken.origin.client} has left, or the robot was stopped"
+        if not self._motion.is_live(taken.origin):
+            reason = self._motion.latched or f"{taken.origin.client} has left, or the robot was stopped"
             raise ValueError(f"{reason}: the recording has ended")
 
     @function("addPose")
@@ -205,14 +212,14 @@ class MotionRobot(WiredRobot):
     @function("tellJointsOff")
     def tell_joints_off(self, name: str, reason: str) -> None:
         """Log that a recording has left its joints switched off; its client may be gone."""
-        self.log.warning("the joints of the recording %s stay off: %s", one_line(name), one_line(reason))
+        self._log.warning("the joints of the recording %s stay off: %s", one_line(name), one_line(reason))
 
     @function("endRecording")
     def end_recording(self, number: int) -> int:
         """Write a recording, if it has poses; returns their number."""
         taken = self._taken.pop(number)
         if taken.rows:
-            self._motions.save(taken.name, taken.recording(self.robot_name))
+            self._motions.save(taken.name, taken.recording(self._name))
         return len(taken.rows)
 
 
@@ -220,9 +227,9 @@ class _Plan:
     """Reads motions for the joints of a robot."""
 
     def __init__(
-        self, robot: MotionRobot, joints: Sequence[str], motors: Sequence[float], request: EndRequest, speed: float
+        self, position: JointPosition, joints: Sequence[str], motors: Sequence[float], request: EndRequest, speed: float
     ) -> None:
-        self._robot, self._request, self._speed = robot, request, speed
+        self._position, self._request, self._speed = position, request, speed
         self._places = {name: place for place, name in enumerate(joints)}
         self._joints = {int(motor): name for motor, name in zip(motors, joints, strict=True) if motor >= 0}
         self._used: set[int] = set()
@@ -257,7 +264,7 @@ class _Plan:
         self._take(name, [self._joints[number] for number in numbers])
 
         def joint(number: int, position: float) -> tuple[str, float]:
-            return self._joints[number], self._robot.joint_position(number, position)
+            return self._joints[number], self._position(number, position)
 
         def begin() -> Iterator[Key]:
             return keys_of_pages(motions, first, self._speed, self._request, joint)

@@ -1,0 +1,78 @@
+"""What is wrong with a robot, as the slot ``problems`` shows it: devices that differ from the expected ones, devices
+that cannot be used, and lost parts on wires of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from urbihw.buses import messages as m
+from urbihw.kernel.uobject import DevicePart, UObject, reading
+from urbihw.platforms.devicelog import DeviceLog
+
+
+class ProblemReport(DevicePart):
+    """The problems of one robot."""
+
+    problems = reading([])
+
+    def __init__(
+        self, device: UObject, send: Callable[[m.ToWorker], None], log: DeviceLog, unusable: Callable[[], list[str]],
+        unarmed: Callable[[], str],
+    ) -> None:  # fmt: skip
+        """``send`` passes a message to the worker; ``unusable`` returns a line for each device that is not used, and
+        ``unarmed`` one for the programs that wait for ``rearm``, "" if there are none.
+        """
+        super().__init__(device)
+        self._send, self._log, self._unusable, self._unarmed = send, log, unusable, unarmed
+        self._differences: list[str] = []
+        self._lost_parts: dict[str, str] = {}
+
+    def show(self) -> None:
+        """Show which programs wait for ``rearm``, what differs from the expected devices, and which devices and parts
+        cannot be used.
+        """
+        parts = [f"{name}: {reason}" for name, reason in self._lost_parts.items()]
+        waiting = [each for each in (self._unarmed(),) if each]
+        self.problems.sense([*waiting, *self._differences, *self._unusable(), *parts])
+
+    def show_unarmed(self) -> None:
+        """Show and log which programs wait for ``rearm``: they have changed."""
+        self.show()
+        if waiting := self._unarmed():
+            self._log.warning("%s", waiting)
+
+    def show_part(self, name: str, reason: str) -> None:
+        """Tell the health and ``problems`` that a part on a wire of its own is lost, a laser say; "" when it is not."""
+        if self._lost_parts.get(name, "") == reason:
+            return
+        self._lost_parts.pop(name, None)
+        if reason:
+            self._lost_parts[name] = reason
+        self._send(m.Unusable(name, reason))
+        self.show()
+
+    def tell_again(self) -> None:
+        """Tell the lost parts to a worker that may be another one."""
+        for name, reason in self._lost_parts.items():
+            self._send(m.Unusable(name, reason))
+
+    def show_differences(self, message: m.Differences) -> None:
+        """Show and log what differs from the expected devices, one line for each kind."""
+        missing = [f"{each.name} (id {each.id})" for each in message.missing]
+        unexpected = [f"id {each.id} ({each.found})" for each in message.unexpected]
+        other = [f"{each.name} (id {each.id}) is {each.found}, not {each.expected}" for each in message.other]
+        before = {*self._differences}
+        shown = {
+            "missing": [f"{each} missing" for each in missing],
+            "unexpected": [f"{each} unexpected" for each in unexpected],
+            "of another kind": other,
+        }
+        texts = [text for kind in shown.values() for text in kind]
+        self._differences = texts
+        self.show()
+        if before and not texts:
+            self._log.info("all expected devices are there, and no others")
+        for kind, devices in zip(shown, (missing, unexpected, other), strict=True):
+            # A kind is reported again only if its number has grown.
+            if not before.issuperset(shown[kind]):
+                self._log.warning("%s: %s", kind, ", ".join(devices))
