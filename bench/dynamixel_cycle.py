@@ -348,7 +348,12 @@ def sdk(kit: Fake, protocol: int) -> Iterator[Loop]:
 
 
 def worker_numbers(
-    kit: Fake, protocol: int, rate: float, seconds: float, realtime: bool = False
+    kit: Fake,
+    protocol: int,
+    rate: float,
+    seconds: float,
+    realtime: bool = False,
+    begun: Callable[[int], object] = lambda pid: None,
 ) -> tuple[float, float]:
     """(full samples a second, processor share) of a worker whose parent sends new targets for each sample."""
     found = threading.Event()
@@ -372,6 +377,8 @@ def worker_numbers(
             raise SystemExit("the worker does not find all: this machine is too busy to measure anything")
         for device in IDS:
             worker.send(m.Watch(device, ITEMS[protocol]))
+        for pid in worker_processes():
+            begun(pid)
         time.sleep(1.0)
         before, begin, used = full, time.perf_counter(), child_seconds()
         time.sleep(seconds)
@@ -379,14 +386,40 @@ def worker_numbers(
         return (full - before) / elapsed, (child_seconds() - used) / elapsed
 
 
+def worker_processes() -> list[int]:
+    """The worker processes among our children: one."""
+    children = Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii").split()
+    lines = {int(each): Path(f"/proc/{each}/cmdline").read_text(encoding="utf-8") for each in children}
+    return [each for each, line in lines.items() if "urbihw.buses.child" in line]
+
+
 def child_seconds() -> float:
     """Processor time so far of the one worker process among our children."""
     total = 0.0
-    for child in Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii").split():
-        if "urbihw.buses.child" in Path(f"/proc/{child}/cmdline").read_text(encoding="utf-8"):
-            fields = Path(f"/proc/{child}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
-            total += (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    for child in worker_processes():
+        fields = Path(f"/proc/{child}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+        total += (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
     return total
+
+
+@contextlib.contextmanager
+def processor_share(share: float) -> Iterator[Callable[[int], object]]:
+    """A group of processes that together get a share of a core, 1 ms at a time; yields what adds one by its id.
+
+    Raises OSError where that is not allowed.
+    """
+    root = Path("/sys/fs/cgroup")
+    period = round(1000 / share)
+    first = not (root / "cgroup.controllers").exists()
+    group = (root / "cpu" if first else root) / "urbihw-bench"
+    limits = {"cpu.cfs_period_us": period, "cpu.cfs_quota_us": 1000} if first else {"cpu.max": f"1000 {period}"}
+    group.mkdir(exist_ok=True)
+    try:
+        for name, value in limits.items():
+            (group / name).write_text(str(value), encoding="ascii")
+        yield lambda pid: (group / "cgroup.procs").write_text(str(pid), encoding="ascii")
+    finally:
+        group.rmdir()
 
 
 def throughput(protocol: int, amounts: Amounts) -> None:
@@ -436,6 +469,24 @@ def busy_cores(amounts: Amounts) -> None:
             rate, share = worker_numbers(kit, 1, 100.0, amounts.seconds, realtime)
             how = "in real time, if allowed" if realtime else "as any program"
             print(f"  every core busy, worker {how}: {rate:.1f} Hz of 100, {100 * share:.1f} % of a core", flush=True)
+
+
+def small_board(amounts: Amounts) -> None:
+    """Print the rates of a worker that gets a part of a core, as on a board that is slower by as much."""
+    for protocol in (1, 2):
+        with fake(protocol, amounts.paced, spins=False) as kit:
+            kit.take_real_time()
+            for share in (0.5, 0.25):
+                try:
+                    with processor_share(share) as add:
+                        rates = [
+                            worker_numbers(kit, protocol, asked, amounts.seconds, begun=add)[0] for asked in (50, 100)
+                        ]
+                except OSError as error:
+                    print(f"  {share:.0%} of a core: not to be had here ({error.strerror})", flush=True)
+                    continue
+                shown = ", ".join(f"{rate:.1f} Hz of {asked}" for rate, asked in zip(rates, (50, 100), strict=True))
+                print(f"  protocol {protocol}.0, worker with {share:.0%} of a core: {shown}", flush=True)
 
 
 def simulated_rate(asked: float) -> float:
@@ -526,6 +577,7 @@ def main() -> None:
         throughput(protocol, amounts)
     print()
     busy_cores(amounts)
+    small_board(amounts)
     asked_and_achieved()
     print()
     for protocol in (1, 2):

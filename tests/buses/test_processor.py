@@ -70,6 +70,17 @@ def test_without_a_bound_or_the_right_there_is_no_real_time(monkeypatch: pytest.
     assert claimed() == ORDINARY
 
 
+def test_the_signal_of_the_bound_gives_real_time_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    system = System(monkeypatch)
+    own = OwnProcessor()
+    own.claim()
+    _, number, handler = system.asked[1]
+    assert number == signal.SIGXCPU
+    handler(number, None)
+    assert system.asked[-1][:3] == ("scheduler", 0, os.SCHED_OTHER)
+    assert own.scheduling.startswith(ORDINARY)
+
+
 SPIN = """
 import os, time
 from urbihw.buses.processor import OwnProcessor

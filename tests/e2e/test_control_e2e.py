@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 
 from urbihw import platforms
+from urbihw.control_line import ControlLine, question
 from urbihw_fakes.bioloid import Bioloid
 from urbihw_fakes.endpoint import PtyEndpoint
 
@@ -194,16 +195,26 @@ def test_an_emergency_stop_outlives_worker_and_daemon(site: Site) -> None:
     client = daemon.client()
     site.travel(client)
     site.ask("estop")
+    line = ControlLine(site.control)  # a browser, for which the gateway asks
+    line.send(question("estop", "ann", "ann (panel)"))
+    assert len(line.next_told(time.monotonic() + TIMEOUT_S)["holders"]) == 2
+    line.close()
     (worker,) = children(daemon.process.pid)
     os.kill(worker, signal.SIGKILL)
     until(lambda: children(daemon.process.pid) not in ([], [worker]))
-    until(lambda: site.ask("stop") == (0, "robot: stopped; an emergency stop holds (a test) until: urbihw release"))
+    held = "robot: stopped; an emergency stop holds (a test and ann) until: urbihw release"
+    until(lambda: site.ask("stop") == (0, held))
     assert client.ask("bioloid.estop;") == "true"
     kill_all(daemon)
     assert site.direct()[0] == 0
     client = site.serve().client()
     assert client.ask("bioloid.estop;") == "true"
-    assert site.ask("release") == (0, "robot: released")
+    code, told = site.ask("release")
+    assert code == 69 and "your emergency stop is released, but that of ann holds" in told
+    code, told = site.ask("release")
+    assert code == 69 and "an emergency stop of ann holds" in told
+    assert "is held by an emergency stop (ann)" in client.ask("motor6.val = 0;")
+    assert site.urbihw("release", "--socket", str(site.control), "--all") == (0, "robot: released")
     site.travel(client)
 
 
