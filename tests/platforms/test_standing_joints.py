@@ -165,6 +165,8 @@ def test_a_weight_that_falls_off_is_forgotten_at_once() -> None:
 def test_a_standing_joint_that_is_turned_by_hand_without_torque_stays_limp(seconds: float) -> None:
     """On an AX-12 to write a goal would switch the torque on, and another master may have switched it off."""
     lab = Standing.at_place("AX-12:1,XL330-M288:3", limits={"speed": 1.0})
+    # Not at the moment at which its torque is read anyway.
+    lab.run(0.04)
     for unit in lab.kit:
         unit.registers.put("torque_enable", 0)
     lab.turn(AWAY, seconds)
