@@ -358,6 +358,7 @@ def test_the_goal_of_a_joint_that_is_forced_away_goes_along_and_is_led_back_at_t
         rig.goal = led(rig)
         assert rig.goal == place - 10
     goals = []
+    rig.leash = 50.0
     for _ in range(7):
         rig.places[KEY] = rig.goal
         rig.goal = led(rig) or rig.goal
@@ -402,4 +403,5 @@ def test_a_stop_ends_the_way_back(rig: Rig) -> None:
     rig.places[KEY] = 580.0
     rig.goal = led(rig)
     rig.points.drop_courses((KEY[0],))
+    rig.places[KEY] = rig.goal
     assert led(rig) is None
