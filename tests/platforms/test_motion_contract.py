@@ -142,6 +142,12 @@ def test_an_emergency_stop_holds_until_it_is_released(scene: Scene) -> None:
     scene.run(1.0)
     assert scene.peak(before) <= scene.motion.rest
     assert scene.lab.look(f"{scene.motion.slot}.estop") == "false"
+    if scene.kind.remote:
+        # It is a program that began before, and has no order since.
+        scene.go()
+        scene.run(1.0)
+        assert scene.peak(before) <= scene.motion.rest
+        scene.lab.look(f"{scene.motion.slot}.rearm")
     goes_again(scene)
 
 
