@@ -169,6 +169,21 @@ def written_lines(count: int, turns: int) -> None:
         row(name, f"{written * 1e6:.0f} us", f"{plain * 1e6:.0f} us", written / plain, 2.5)
 
 
+def typed_lines(count: int, turns: int) -> None:
+    """What a line costs that is typed, and answered before the next one, beside an echo of the answer."""
+    with served(*OURS) as (mine, ours, _), served("-c", ECHO) as (peer, echo, _):
+        rounds = []
+        for _ in range(turns + 1):
+            pair = []
+            for pid, connection, text in ((mine, ours, b"1;\n"), (peer, echo, b"[00000000] 1\n")):
+                began = processor(pid)
+                ask(connection, text, 1, count)
+                pair.append((processor(pid) - began) / count)
+            rounds.append(pair)
+        typed, bare = (statistics.median(each) for each in zip(*rounds[1:], strict=True))
+        row("a typed line, beside an echo", f"{typed * 1e6:.0f} us", f"{bare * 1e6:.0f} us", typed / bare, 2)
+
+
 def server(turns: int, clients: int) -> None:
     """The rows over loopback."""
     print()
@@ -176,6 +191,7 @@ def server(turns: int, clients: int) -> None:
     with served(*OURS):
         pass  # fills the cache of the compiled library
     written_lines(1500 if turns > 1 else 50, turns)
+    typed_lines(1500 if turns > 1 else 50, turns)
     starts, sizes = [], []
     for _ in range(turns):
         with served(*OURS) as (pid, connection, took):

@@ -214,7 +214,7 @@ WORKS = (
     Work("the same of an object that is a slot, 100 000", "for| (100000) box.method()", call_slot_method, 5,
          BOX + "var box = Box.new|;"),
     Work("method that reads a slot, 100 000", "var box = Box.new; for| (100000) box.read()", read_slots, 5, BOX),
-    Work("slot write, 100 000", "var box = Box.new; for| (100000) box.width = 2", write_slots, 5, BOX),
+    Work("slot write, 100 000", "var box = Box.new; for| (100000) box.width = 2", write_slots, 10, BOX),
     Work("call by the name of a lazy function, 50 000",
          "var a = A.new; for| (var i = 0; i < 50000; i += 1) a.add(i)", call_adder, 8,
          "function add { call.args.size }|; class A { function add(x) { x } }|;"),

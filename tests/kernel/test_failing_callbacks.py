@@ -10,6 +10,8 @@ import pytest
 
 from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby
+from urbihw.kernel.sched.clock import SimClock
+from urbihw.kernel.sched.signals import JobKilled
 
 CALLBACKS = {
     # conditions and events
@@ -151,3 +153,17 @@ def test_an_error_at_a_disconnection_is_told_once_and_hurts_nobody(talk: Talk) -
         leave()
     assert talk.census() == before
     talk.say("t.stop;")
+
+
+def test_a_signal_in_a_notification_loses_no_other() -> None:
+    kernel = Kernel(SimClock())
+    done: list[str] = []
+
+    def hold() -> None:
+        done.append("held")
+        raise JobKilled
+
+    for action in (hold, lambda: done.append("second"), hold, lambda: done.append("last")):
+        kernel.world.call_soon(action)
+    kernel.run()
+    assert done == ["held", "second", "held", "last"]

@@ -6,7 +6,7 @@ import ast
 from pathlib import Path
 
 import urbihw.kernel.compiler as compiler
-from urbihw.kernel.compiler.operations import CONSTANTS, EQUALITY
+from urbihw.kernel.compiler.operations import CONSTANTS, EQUALITY, VERBS
 from urbihw.kernel.runtime.ops import make_ops
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.clock import SimClock
@@ -17,6 +17,7 @@ COMPUTED = {
     *("get_item", "set_item", "iterate", "times"),
     *CONSTANTS.values(),
     *EQUALITY.values(),
+    *VERBS.values(),
 }
 """Names that the compiler puts together from parts."""
 LOCAL = {"_payload", "_v", "_t", "_c", "_l", "_s", "_m", "_p", "_once", "_each", "_this", "_K", "_N", "_L", "_P", "_q"}

@@ -11,10 +11,12 @@ ARITHMETIC: Final = {"+": py.Add, "-": py.Sub, "*": py.Mult, "/": py.Div}
 COMPARISONS: Final = {"<": py.Lt, "<=": py.LtE, ">": py.Gt, ">=": py.GtE}
 INPLACE: Final = {"+=": py.Add, "-=": py.Sub, "*=": py.Mult, "/=": py.Div}
 EQUALITY: Final = {"==": "equal", "!=": "unequal"}
+VERBS: Final = {"<<": "push", "%": "remainder"}
+"""Operators that functions of the runtime implement, because Python's differ."""
 CONSTANTS: Final = {"true": "TRUE", "false": "FALSE", "nil": "NIL", "void": "VOID"}
 LOGICAL: Final = frozenset(("!", "&&", "||"))
 """The operators that are not sent as messages, unless a program has redefined them: then they are lazy names."""
-BINARY: Final = frozenset((*ARITHMETIC, *COMPARISONS, *EQUALITY, "===", "!==", "<<"))
+BINARY: Final = frozenset((*ARITHMETIC, *COMPARISONS, *EQUALITY, "===", "!==", *VERBS))
 
 
 def operator_of(node: ast.And | ast.Or) -> str:

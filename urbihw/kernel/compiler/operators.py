@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast as py
 
 from urbihw.kernel.compiler.emit import LOAD, attr, call, choose, const, if_, is_, is_pure, name, set_, walrus
-from urbihw.kernel.compiler.operations import ARITHMETIC, COMPARISONS, EQUALITY, is_equality, operator_of
+from urbihw.kernel.compiler.operations import ARITHMETIC, COMPARISONS, EQUALITY, VERBS, is_equality, operator_of
 from urbihw.kernel.compiler.visit import (
     Make,
     make_expr,
@@ -63,9 +63,9 @@ def make_operator(node: ast.Call, w: Writer) -> py.expr:
         return py.BinOp(a, ARITHMETIC[node.name](), b, **w.mark(node, node.name))
     if node.name in EQUALITY:
         return make_boolean(w, make_equality(node, w), node)
-    if node.name == "<<":
+    if node.name in VERBS:
         args = make_in_order(w, lambda: make_expr(left, w), lambda: make_value(right, w))
-        return call("push", args, w.mark(node, node.name))
+        return call(VERBS[node.name], args, w.mark(node, node.name))
     a, b = make_in_order(w, lambda: make_value(left, w), lambda: make_value(right, w))
     p = w.mark(node, node.name)
     return choose(is_(a, b, p, negated=node.name == "!=="), name("TRUE", p), name("FALSE", p), p)

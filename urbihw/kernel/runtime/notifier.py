@@ -39,9 +39,14 @@ class Notifier:
             self._job = self._world.spawn_own(self._run_actions, "notify")
 
     def _run_actions(self) -> None:
-        while self._actions:
-            action = self._actions.popleft()
-            try:
-                action()
-            except Exception as error:
-                log.error("error in a notification: %s", "; ".join(self._world.describe(error)))
+        try:
+            while self._actions:
+                action = self._actions.popleft()
+                try:
+                    action()
+                except Exception as error:
+                    log.error("error in a notification: %s", "; ".join(self._world.describe(error)))
+        finally:
+            # A signal has ended this job, because a condition of a program held the interpreter: the others go on.
+            if self._actions and not self._scheduler.abandoned:
+                self._job = self._world.spawn_own(self._run_actions, "notify")

@@ -99,6 +99,7 @@ def _constants(world: World) -> dict[str, Any]:
         "equal": world.ops.equal,
         "unequal": world.ops.unequal,
         "push": world.ops.push,
+        "remainder": world.ops.remainder,
     }
 
 

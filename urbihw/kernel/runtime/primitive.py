@@ -168,18 +168,21 @@ class CheckedPrimitive(DirectPrimitive):
         """Called for a Python slot that is not set yet."""
         if slot not in _MADE_WHEN_CALLED:
             raise AttributeError(f"{type(self).__name__!r} has no {slot!r}")
-        run, run0, run1 = _checked(self.world, self.source)
+        run, *forms = _checked(self.world, self.source)
         least, most = self.least, self.most
         # The form for any number of arguments is slower and uses more C stack, which each sleeping job keeps.
-        self.fill(run, (None if least else run0, run1 if least <= 1 and (most < 0 or most >= 1) else None, None))
+        none, one, two = (
+            form if least <= number and (most < 0 or number <= most) else None for number, form in enumerate(forms)
+        )
+        self.fill(run, (none, one, two))
         return getattr(self, slot)
 
 
 _MADE_WHEN_CALLED = frozenset({"fn", "c0", "c1", "c2"})
 
 
-def _checked(world: World, function: Function) -> tuple[Function, Function, Function]:
-    """The function for calls with any number of arguments, and those for none and for one."""
+def _checked(world: World, function: Function) -> Forms:
+    """The forms of a checked built-in."""
     code = function.__code__
     names = code.co_varnames[1 : code.co_argcount]
     check_this, *check_args = [world.checks.of(annotated_type(function, name)) for name in names]
@@ -188,7 +191,7 @@ def _checked(world: World, function: Function) -> tuple[Function, Function, Func
         check_rest = world.checks.of(annotated_type(function, code.co_varnames[code.co_argcount]))
     returns_value = function.__annotations__.get("return") in ("Any", "Value")
     fixed = len(check_args)
-    check_first = check_args[0] if check_args else check_rest
+    check_first, check_second = (*check_args, check_rest, check_rest)[:2]
 
     # The functions needed at each call are local variables, so that a call needs no look-ups.
     def run(this: Value, *args: Value) -> Value:
@@ -217,4 +220,14 @@ def _checked(world: World, function: Function) -> tuple[Function, Function, Func
         result = function(world, this, argument)
         return result if returns_value or result.__class__ is float else world.from_python(result)
 
-    return run, run0, run1
+    def run2(this: Value, first: Value, second: Value) -> Value:
+        if check_this is not None:
+            this = check_this(this, None)
+        if check_first is not None:
+            first = check_first(first, 1)
+        if check_second is not None:
+            second = check_second(second, 2)
+        result = function(world, this, first, second)
+        return result if returns_value or result.__class__ is float else world.from_python(result)
+
+    return Forms(run, run0, run1, run2)

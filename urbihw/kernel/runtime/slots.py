@@ -9,6 +9,7 @@ with copy on write; ``set_slot`` declares.
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import fmod
 from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,7 @@ from urbihw.kernel.value import Value
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
-OPERATORS = frozenset(("+", "-", "*", "/", "<", "<=", ">", ">=", "==", "!=", "++", "--", "!", "<<", "+="))
+OPERATORS = frozenset(("+", "-", "*", "/", "%", "<", "<=", ">", ">=", "==", "!=", "++", "--", "!", "<<", "+="))
 """The operators that are not sent as messages to numbers, strings and lists, unless a program redefines one of them
 there."""
 LOGICAL = frozenset(("!", "&&", "||"))
@@ -38,6 +39,7 @@ CACHE_MISS = (KeyError, TypeError, IndexError, AttributeError)
 a number as prototype."""
 
 
+BinaryVerb = Callable[[Any, Any], Any]
 Find = Callable[[Any, str], Any]
 """Takes a target and a name, and returns the value that the name means for the target."""
 
@@ -158,8 +160,10 @@ def make_senders(world: World, found: Find) -> tuple[Callable[..., Any], Callabl
 
 def make_operators(
     world: World, send1: Callable[[Any, str, Any], Any]
-) -> tuple[Callable[[Any, Any], Any], Callable[[Any, Any], Any], Callable[[Any, Any], Any]]:
-    """``equal``, ``unequal`` and ``push``, the operators of generated code that Python's operators cannot replace."""
+) -> tuple[BinaryVerb, BinaryVerb, BinaryVerb, BinaryVerb]:
+    """``equal``, ``unequal``, ``push`` and ``remainder``, the operators of generated code that Python's operators
+    cannot replace.
+    """
 
     def equal(a: Value, b: Value) -> Any:
         """``a == b``: a Python bool for numbers, the result of ``'=='`` for others."""
@@ -186,7 +190,29 @@ def make_operators(
             return a
         return send1(a, "<<", b)
 
-    return equal, unequal, push
+    def remainder(a: Value, b: Value) -> Any:
+        """``a % b``, of the sign of ``a``."""
+        if a.__class__ is float and b.__class__ is float and b and a - a == 0 and not world.generic_floats:
+            return fmod(a, b)
+        return send1(a, "%", b)
+
+    return equal, unequal, push, remainder
+
+
+def make_update(world: World, ops: SlotOps) -> Callable[[Any, str, Any], Any]:
+    """``update_slot``, the verb of ``target.name = value``."""
+    void = world.void
+
+    def update_slot(target: Value, name: str, value: Value) -> Value:
+        """``target.name = value``; a local slot that is only a value is written at once."""
+        if value is not void and target.__class__ is not float and target.meta is None:
+            slots = target.slots
+            if name in slots:
+                slots[name] = value
+                return value
+        return ops.update_other(target, name, value)
+
+    return update_slot
 
 
 class SlotOps:
@@ -199,7 +225,8 @@ class SlotOps:
         self.method, self.send0 = make_messages(world, found)
         self.own_method, self.own_send0 = with_own_code(self.method), with_own_code(self.send0)
         self.send, self.send1 = make_senders(world, found)
-        self.equal, self.unequal, self.push = make_operators(world, self.send1)
+        self.equal, self.unequal, self.push, self.remainder = make_operators(world, self.send1)
+        self.update_slot = make_update(world, self)
 
     def fallback(self, target: Value, name: str) -> Value:
         """The answer to a message without a slot: the ``fallback`` slot, if there is one."""
@@ -229,19 +256,15 @@ class SlotOps:
 
     # ---------------------------------------------------------------- writing
 
-    def update_slot(self, target: Value, name: str, value: Value) -> Value:
-        """``target.name = value``: an inherited slot is copied to the target first.
+    def update_other(self, target: Value, name: str, value: Value) -> Value:
+        """``target.name = value`` in all but the usual case: an inherited slot is copied to the target first.
 
         Returns the value; raises ``lookup failed``, ``cannot modify const slot``, ``unexpected void``.
         """
         if value is self.world.void:
             raise errors.unexpected_void()
         obj = self.world.as_obj(target)
-        slots = obj.slots
-        if name in slots:
-            if obj.meta is None:
-                slots[name] = value
-                return value
+        if name in obj.slots:
             return self._write(obj, obj, name, value)
         if obj.assigns_to_members:
             return obj.distribute(value, lambda member, share: self.update_slot(member, name, share))

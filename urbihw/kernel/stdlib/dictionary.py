@@ -90,8 +90,12 @@ def set_item(world: World) -> Any:
     """Map a key to a value; returns the value."""
 
     def run(this: Value, key: Value, value: Value) -> Value:
-        _dict(world, this)[_key(world, key)] = value
-        this.touch()
+        if this.__class__ is not Dictionary or key.__class__ is not String:
+            _dict(world, this)  # raises the type error
+            _key(world, key)
+        this.d[key.s] = value
+        if this.meta is not None:
+            this.touch()
         return value
 
     return run

@@ -18,7 +18,7 @@ from urbihw.kernel.runtime.values import MAX_LIST_LENGTH, MAX_STRING_LENGTH, Str
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.members import count, members_of, repetitions, strings_of
 from urbihw.kernel.stdlib.searching import found_separators, replaced
-from urbihw.kernel.stdlib.slices import give_way, in_slices, text_slices
+from urbihw.kernel.stdlib.slices import TEXT_SLICE_LENGTH, give_way, in_slices, text_slices
 from urbihw.kernel.value import Value
 
 __breakable__ = True
@@ -161,6 +161,8 @@ def split(
         if len(this) > MAX_LIST_LENGTH:
             raise too_long("members", MAX_LIST_LENGTH)
         return world.new_list([world.string(character) for character in in_slices(world, this)])
+    if len(separators) == 1 and lim < 0 and not keep_sep and len(this) <= TEXT_SLICE_LENGTH:
+        return world.new_list([world.string(part) for part in this.split(separators[0]) if part or keep_empty])
     found = found_separators(world, this, separators) if separators and not 0 <= lim < 1 else iter(())
     return world.new_list(_parts(world, this, found, lim, keep_sep, keep_empty))
 
