@@ -190,7 +190,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw_nao.qimessaging": ("urbihw.buses", "urbihw.settings", "urbihw.extras"),
     "urbihw_nao": (
         "urbihw_nao.qimessaging", "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.extras",
-        "urbihw.platforms.base", "urbihw.platforms.channel", "urbihw.platforms.devicelog", "urbihw.platforms.hooks",
+        "urbihw.platforms.arrival", "urbihw.platforms.base", "urbihw.platforms.channel", "urbihw.platforms.devicelog",
+        "urbihw.platforms.hooks",
         "urbihw.platforms.limits", "urbihw.platforms.measured", "urbihw.platforms.speaker",
         "urbihw.platforms.streamed", "urbihw.platforms.teach", "urbihw.platforms.words",
     ),  # fmt: skip
