@@ -19,7 +19,7 @@ from typing import Any, Final
 from urbihw.navigation.background import Background
 from urbihw.navigation.base import Echo, PoseEstimate
 from urbihw.navigation.extra import how_to_install, load_montecarlo
-from urbihw.navigation.frames import Pose, compose, frame_of, wrapped
+from urbihw.navigation.frames import ORIGIN, Pose, compose, frame_of, wrapped
 from urbihw.navigation.grid import Grid
 from urbihw.navigation.localize import GOOD_SCORE, is_hidden, match_scan
 
@@ -31,6 +31,8 @@ WAY, TURN = 1.0, 1.5
 """m or rad after which the corrections are added up anew."""
 MAX_SLIP: Final = 0.5
 """Share of them that the corrections may reach."""
+MOST_BETWEEN: Final = 8
+"""Scans between two readings of the wheels of a moving robot, at most; with more, it stands."""
 
 
 class _Slip:
@@ -39,7 +41,10 @@ class _Slip:
     def __init__(self) -> None:
         self._last: Pose | None = None
         self._way = self._turned = 0.0
-        self._x = self._y = self._turn = 0.0
+        self._sum = ORIGIN
+        self._between = ORIGIN
+        """Corrections since the wheels have last moved, from so many scans:"""
+        self._scans = 0
 
     def add(self, guess: Pose, matched: Pose) -> bool:
         """Add a correction from ``guess`` to ``matched``; returns whether the wheels and the scans contradict."""
@@ -47,17 +52,28 @@ class _Slip:
         if last is None:
             return False
         way, turn = math.dist(last[:2], guess[:2]), wrapped(guess[2] - last[2])
+        correction = matched[0] - guess[0], matched[1] - guess[1], wrapped(matched[2] - guess[2])
         if not way and not turn:
-            # Somebody pushed a standing robot, or the match has become better.
+            # A moving robot whose wheels are read less often than its laser sends: the next reading takes this back.
+            self._between = _plus(self._between, correction)
+            self._scans += 1
             return False
+        if self._scans > MOST_BETWEEN:
+            # It stood: somebody pushed it, or the match has become better.
+            self._between = ORIGIN
         if self._way >= WAY or abs(self._turned) >= TURN:
-            self._way = self._turned = self._x = self._y = self._turn = 0.0
+            self._way = self._turned = 0.0
+            self._sum = ORIGIN
         self._way += way
         self._turned += turn
-        self._x += matched[0] - guess[0]
-        self._y += matched[1] - guess[1]
-        self._turn += wrapped(matched[2] - guess[2])
-        return math.hypot(self._x, self._y) > MAX_SLIP * WAY or abs(self._turn) > MAX_SLIP * TURN
+        self._sum = _plus(_plus(self._sum, correction), self._between)
+        self._between, self._scans = ORIGIN, 0
+        return math.hypot(self._sum[0], self._sum[1]) > MAX_SLIP * WAY or abs(self._sum[2]) > MAX_SLIP * TURN
+
+
+def _plus(one: Pose, other: Pose) -> Pose:
+    """The sum of two corrections, m and rad."""
+    return one[0] + other[0], one[1] + other[1], one[2] + other[2]
 
 
 class Locator:
