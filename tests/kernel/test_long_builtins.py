@@ -229,12 +229,10 @@ def test_a_sort_in_slices_is_pythons_sort(busy: Kernel, monkeypatch: pytest.Monk
     for size in (0, 1, 63, 64, 65, 128, 1000, 5000):
         for kinds in (1, 3, 50, 10**9):
             members = [(chance.randrange(kinds), place) for place in range(size)]
-            found = members[:]
-            slices.sort_in_slices(busy.world, found, lambda member: member[0])
+            found = slices.sort_in_slices(busy.world, members[:], lambda member: member[0])
             assert found == sorted(members, key=lambda member: member[0])
             plain = [member[0] for member in members]
-            slices.sort_in_slices(busy.world, plain)
-            assert plain == sorted(member[0] for member in members)
+            assert slices.sort_in_slices(busy.world, plain[:]) == sorted(plain)
 
 
 def test_searching_in_slices_finds_what_python_finds(busy: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -252,3 +250,17 @@ def test_searching_in_slices_finds_what_python_finds(busy: Kernel, monkeypatch: 
         many = ["".join(chance.choices("ab,", k=chance.randrange(1, 4))) for _ in range(3)]
         wanted = [match.span() for match in re.finditer("|".join(map(re.escape, many)), text)]
         assert list(searching.found_separators(busy.world, text, many)) == wanted
+
+
+def test_many_jobs_are_listed_in_slices_and_those_that_end_meanwhile_are_left_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(slices, "TIME_SLICE_S", -1.0)
+    monkeypatch.setattr(slices, "MAX_ATOMIC_MEMBERS", 5)
+    monkeypatch.setattr(slices, "CHECK_INTERVAL", 1)
+    kernel = Kernel(fast=True)
+    lobby = kernel.open_lobby()
+    said = kernel.run_text(
+        lobby, "var t = Tag.new|; for (20) detach({ t: sleep(1h) }); detach({ sleep(0s) | t.stop }) | System.jobs.size;"
+    )
+    assert float(said.split()[-1]) < 20

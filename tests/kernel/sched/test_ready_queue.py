@@ -134,3 +134,31 @@ def test_jobs_of_a_crowd_can_be_ended(world: World) -> None:
     while world.scheduler.jobs:
         world.scheduler.run()
     assert len(world.said) == 1
+
+
+@pytest.mark.parametrize("how", ["start_now", "run_first"])
+def test_jobs_that_fork_at_once_leave_the_others_their_turn_in_each_round(world: World, how: str) -> None:
+    scheduler = world.scheduler
+    for number in range(MANY):
+        world.talker("crowd", number, turns=1, cuts=number == 0)
+    scheduler.run()
+
+    def fork(depth: int) -> None:
+        world.said.append(("forks", depth, 0))
+        if depth < MANY:
+            getattr(scheduler, how)(scheduler.spawn(lambda: fork(depth + 1), context="forks"))
+
+    scheduler.spawn(lambda: fork(0), context="forks")
+    world.talker("guest", 0, turns=3)
+    while not world.turns_of("forks"):
+        scheduler.interrupt()
+        scheduler.run()
+    before = scheduler.cycle
+    while len(world.turns_of("guest")) < 3:
+        scheduler.interrupt()
+        scheduler.run()
+    assert scheduler.cycle <= before + 3 * 3  # each round is cut after one job, and three contexts take turns
+    assert len(world.turns_of("forks")) < MANY
+    while scheduler.jobs:
+        scheduler.run()
+    assert [depth for depth, _ in world.turns_of("forks")] == list(range(MANY + 1))

@@ -79,6 +79,8 @@ class Template:
         self._state: tuple[int, bool] | None = None
         self._unit: CompiledUnit | None = None
         self._places: list[int] = []
+        self._last: _Real | None = None
+        """The statement that was made last, which is often made again: a loop evaluates it, a file loads itself."""
 
     def known(self, use: TemplateUse, text: str) -> Any:
         """The reader's cache entry for another statement of the skeleton."""
@@ -100,7 +102,9 @@ class Template:
         constants = list(unit.code.co_consts)
         for place, value in zip(self._places, values, strict=True):
             constants[place] = value
-        real = _Real(text, self._compile)
+        if self._last is None or not self._last.is_of(text, self._compile):
+            self._last = _Real(text, self._compile)
+        real = self._last
         return CompiledUnit(unit.code.replace(co_consts=tuple(constants)), _Entries(real), [], _Syntax(real), [])
 
     def _template(self, text: str, values: list[Literal]) -> CompiledUnit | None:
@@ -143,6 +147,10 @@ class _Real:
         self._text = text
         self._compile = compile_
         self._unit: CompiledUnit | None = None
+
+    def is_of(self, text: str, compile_: Compile) -> bool:
+        """Whether this is the statement of a text, compiled in the same way."""
+        return self._text == text and self._compile is compile_
 
     def get(self) -> CompiledUnit:
         """The compiled statement, made at its first use."""

@@ -24,6 +24,7 @@ from urbihw.kernel.runtime.object import Nil, Obj, Plain, Truth, Void
 from urbihw.kernel.runtime.plain import plain_text
 from urbihw.kernel.runtime.record import Record
 from urbihw.kernel.runtime.redefinition import RedefinitionMode
+from urbihw.kernel.runtime.remains import LARGE, Remains
 from urbihw.kernel.runtime.slots import SlotOps
 from urbihw.kernel.runtime.tagscope import RootTag, TagObject
 from urbihw.kernel.runtime.values import CallMessage, Dictionary, FloatObject, Lazy, List, String, Tuple
@@ -49,6 +50,7 @@ class World:
     def __init__(self, scheduler: Scheduler) -> None:
         self.scheduler = scheduler
         self.recorder = Recorder(scheduler)
+        self.remains = Remains(scheduler)
         self.lookups = Lookups(self)
         self.ndebug = False
         self.hide_system = True
@@ -153,7 +155,10 @@ class World:
 
     def new_list(self, values: list[Value]) -> List:
         """A List that owns ``values``."""
-        return List(self, self.list_protos, values)
+        made = List(self, self.list_protos, values)
+        if len(values) >= LARGE:
+            self.remains.follow(made)
+        return made
 
     def new_tuple(self, values: Iterable[Value]) -> Tuple:
         """Make a Tuple of some values."""

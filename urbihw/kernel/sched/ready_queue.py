@@ -19,9 +19,10 @@ MAX_FAIR_ROUND = 20
 
 
 class Mark:
-    """An entry of the ready queue that is no job; it has the attributes that the scheduler tests before a switch."""
+    """An entry of the ready queue that is no job; it has the attributes of jobs that are tested before a switch."""
 
     carrier = None
+    charged_context = None
     frozen = False
     started = True
 
@@ -75,6 +76,25 @@ class ReadyQueue:
             place += 1
         ready.insert(place, made)
         self.preferred = (maker, place, made)
+
+    def put_first(self, context: Any, *jobs: Job) -> None:
+        """Put jobs before all others of a context, in this order.
+
+        In a fair round they do not take the turns of other contexts: a job that forks, and whose children fork at once,
+        would have the round to itself.
+        """
+        ready = self.jobs
+        place = 0
+        if self._waiting:
+            while ready[place] is not ROUND_END and (
+                ready[place] is INTERRUPT or ready[place].charged_context is not context
+            ):
+                place += 1
+            if ready[place] is ROUND_END:
+                self._waiting.setdefault(context, deque()).extendleft(reversed(jobs))
+                return
+        for job in reversed(jobs):
+            ready.insert(place, job)
 
     def _prefer_waiting(self, made: Job) -> None:
         """Put a new job before the started jobs of its context that are left out of the present round."""

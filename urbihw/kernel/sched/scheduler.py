@@ -140,15 +140,14 @@ class Scheduler:
     def start_now(self, made: Job) -> None:
         """Run a new job at once; the running job goes to the end of the ready queue."""
         self._queue.remove(made)
-        self.ready.appendleft(made)
+        self._queue.put_first(self.running().charged_context, made)
         self.yield_()
 
     def run_first(self, made: Job) -> None:
         """Run a new job at once; the running job goes on as soon as the new job yields."""
         maker = self.running()
         self._queue.remove(made)
-        self.ready.appendleft(maker)
-        self.ready.appendleft(made)
+        self._queue.put_first(maker.charged_context, made, maker)
         maker.state = states.READY
         self._switch_away(maker)
 

@@ -184,9 +184,7 @@ def _pairs(world: World, this: Dictionary) -> List:
 
 def _ordered(world: World, content: dict[str, Value]) -> list[str]:
     """The keys, in order."""
-    keys = list(content)
-    sort_in_slices(world, keys)
-    return keys
+    return sort_in_slices(world, list(content))
 
 
 @TABLE.primitive("asString", "asPrintable")

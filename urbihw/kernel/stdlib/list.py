@@ -27,7 +27,15 @@ from urbihw.kernel.stdlib.members import (
     repetitions,
     same_members,
 )
-from urbihw.kernel.stdlib.slices import MAX_ATOMIC_CALLS, NestedWalk, calls, give_way, in_slices, sort_in_slices
+from urbihw.kernel.stdlib.slices import (
+    MAX_ATOMIC_CALLS,
+    MAX_ATOMIC_MEMBERS,
+    NestedWalk,
+    calls,
+    give_way,
+    in_slices,
+    sort_in_slices,
+)
 from urbihw.kernel.value import Value
 
 __breakable__ = True
@@ -189,14 +197,16 @@ def sort(world: World, this: List, function: Value = None) -> Value:
     than b.
     """
     members = list(this.l)
+    if len(members) > MAX_ATOMIC_MEMBERS:
+        give_way(world)  # a copy of a million members takes 15 ms, and the look at their kinds needs another one
     kinds = {member.__class__ for member in in_slices(world, members)} if function is None else set()
     if kinds == {float}:
-        sort_in_slices(world, members)
+        members = sort_in_slices(world, members)
     elif kinds == {String} and all(len(member.s) <= MAX_ATOMIC_TEXT_LENGTH for member in in_slices(world, members)):
-        sort_in_slices(world, members, lambda member: member.s)
+        members = sort_in_slices(world, members, lambda member: member.s)
     else:
         order = _order(world, this, function)
-        sort_in_slices(world, members, lambda member: Ranked(order, member))
+        members = sort_in_slices(world, members, lambda member: Ranked(order, member))
     return world.new_list(members)
 
 

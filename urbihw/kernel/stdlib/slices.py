@@ -105,6 +105,8 @@ def _slices(world: World, members: Sequence[T], size: int) -> Iterator[Sequence[
             COLLECTOR.freeze_existing()
             give_way(world)
             yield members[at : at + size]
+        if isinstance(members, list):
+            world.remains.free(members)
 
 
 def text_slices(world: World, text: str) -> Iterator[str]:
@@ -115,19 +117,26 @@ def text_slices(world: World, text: str) -> Iterator[str]:
         yield text[at : at + TEXT_SLICE_LENGTH]
 
 
-def sort_in_slices(world: World, members: list[Value], key: Key = None) -> None:
-    """``members.sort(key=key)``, for a list that nothing else refers to."""
+def sort_in_slices(world: World, members: list[Value], key: Key = None) -> list[Value]:
+    """``sorted(members, key=key)``, for a list that nothing else refers to and that is not used any more."""
     if len(members) <= SORT_RUN_SIZE:
         members.sort(key=key)
-        return
+        return members
     runs = []
     for at in range(0, len(members), SORT_RUN_SIZE):
         give_way(world)
         runs.append(sorted(members[at : at + SORT_RUN_SIZE], key=key))
+    world.remains.free(members)
+    ways = SORT_RUN_SIZE // CHECK_INTERVAL
     while len(runs) > 1:
-        ways = SORT_RUN_SIZE // CHECK_INTERVAL
-        runs = [_merged(world, runs[at : at + ways], key) for at in range(0, len(runs), ways)]
-    members[:] = runs[0]
+        longer = []
+        while runs:
+            longer.append(_merged(world, runs[:ways], key))
+            for run in runs[:ways]:
+                world.remains.free(run)
+            del runs[:ways]
+        runs = longer
+    return runs[0]
 
 
 def _merged(world: World, runs: list[list[Value]], key: Key) -> list[Any]:

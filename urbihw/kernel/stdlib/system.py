@@ -19,6 +19,7 @@ from urbihw.kernel.stdlib import prototype
 from urbihw.kernel.stdlib.file import read
 from urbihw.kernel.stdlib.job import job_value
 from urbihw.kernel.stdlib.path import from_system
+from urbihw.kernel.stdlib.slices import in_slices
 from urbihw.kernel.stdlib.support import field, native, send_line
 from urbihw.kernel.value import Value
 
@@ -95,7 +96,8 @@ def cycle(world: World, this: Value) -> int:
 @TABLE.primitive("jobs")
 def jobs(world: World, this: Value) -> Value:
     """The running jobs of programs; internal jobs of the server are not included."""
-    return world.new_list([job_value(world, job) for job in world.scheduler.jobs if job.face is not KERNEL_JOB])
+    running = in_slices(world, [job for job in world.scheduler.jobs if job.face is not KERNEL_JOB])
+    return world.new_list([job_value(world, job) for job in running if not job.done])
 
 
 @TABLE.primitive("aliveJobs")
