@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any
 
+import lab as lab_module
 import pytest
 from chain_lab import Lab
 from test_bounded_by_body import CHAINS, GRAIN, MARGIN, Chain
@@ -173,6 +175,21 @@ def test_a_standing_joint_that_is_turned_by_hand_without_torque_stays_limp(secon
     lab.run(1.0)
     assert [lab.register(number, "torque_enable") for number in lab.numbers] == [0, 0]
     assert _near(lab.places(), PLACE + AWAY)
+
+
+@pytest.mark.parametrize("phase", range(5))
+@pytest.mark.parametrize(("way", "seconds"), [(0.036, 0.0), (0.09, 0.03)])
+def test_a_joint_that_an_emergency_stop_made_limp_stays_limp(
+    monkeypatch: pytest.MonkeyPatch, way: float, seconds: float, phase: int
+) -> None:
+    monkeypatch.setattr(lab_module, "RobotSettings", partial(lab_module.RobotSettings, torque_off_on_stop=True))
+    lab = Standing.at_place("AX-12:1,XL330-M288:3", limits={"speed": 1.0})
+    lab.run(phase * 0.02)
+    lab.look("chain.estop = true")
+    lab.step()
+    lab.turn(way, seconds)
+    lab.run(0.3)
+    assert [lab.register(number, "torque_enable") for number in lab.numbers] == [0, 0]
 
 
 def test_the_servo_keeps_its_own_limit_of_speed_after_it_has_followed_a_hand() -> None:

@@ -240,7 +240,11 @@ class Engine:
             # The port has just looked, while it waited for an answer.
             port.is_quiet = False
             return bool(self._inbox.urgent)
-        return self._inbox.is_urgent()
+        urgent = self._inbox.is_urgent()
+        if port is not None:
+            # It may have accepted a client, whose stop must not wait for the end of the tick.
+            port.beside = tuple(self._inbox.descriptors())
+        return urgent
 
     def _wait_for_tick(self) -> None:
         """Wait for the next tick; a stop that arrives meanwhile is executed at once."""

@@ -72,7 +72,9 @@ class OwnProcessor(Processor):
             self.scheduling = f"with niceness {NICENESS}"
 
     def _give_back(self, _signal: int, _frame: FrameType | None) -> None:
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        # Without a right to it, the flag cannot be taken back.  An error would end the worker from within the handler.
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))
         self.scheduling = f"{ORDINARY}: in real time it computed for {LONGEST_RUN_S:g} s without a pause"
 
 

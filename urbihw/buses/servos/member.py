@@ -185,7 +185,7 @@ class Member:
         """
         mode = self.device.mode
         is_joint = self.has_motor and (mode is None or mode.motion is ShaftMotion.POSITION)
-        if not is_joint or self.stiff is False or self.health.state != "ok":
+        if not is_joint or self.stiff is False or self.stop_pending or self.health.state != "ok":
             self._asks_for_goal = False
             return None
         since = self.follower.disturbed_since
@@ -269,9 +269,9 @@ class Member:
         if item.access != "RW" or item.area != "R" or name in self.table.mode_items:
             raise BadValue(f"{name} of {self.table.name} cannot be a target (write it with a Request)")
         item.check(raw)
-        if self.moves(name):
+        if self.moves(name) and moves:
             self.stop_pending = False
-            self._moves_next = self._moves_next or moves
+            self._moves_next = True
         if name == PROFILE and self._profile_kept is not None:
             self._profile_kept = raw
         elif self.written.get(name) == raw:

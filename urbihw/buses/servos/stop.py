@@ -59,6 +59,9 @@ def safe_stop(cycle: Cycle, torque_off: bool = False, devices: Collection[int] |
             member.stop_pending = True
     if torque_off:
         _write(bus, motors, {member.device.id: {TORQUE: 0} for member in motors})
+        for member in motors:
+            # At once, not when it is read again: a goal that is led would switch the torque of an AX servo on.
+            member.note_state({TORQUE: 0}, bus.clock.now())
     for member in motors:
         member.moved = member.moved and member.stop_pending
 
