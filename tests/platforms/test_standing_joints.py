@@ -6,11 +6,11 @@ import math
 from functools import partial
 from typing import Any
 
-import lab as lab_module
 import pytest
 from chain_lab import Lab
 from test_bounded_by_body import CHAINS, GRAIN, MARGIN, Chain
 
+from urbihw.kernel.uobject import RobotSettings
 from urbihw_fakes.dynamixel.ax12 import DEGREES, Ax12
 from urbihw_fakes.dynamixel.servo import Shaft
 from urbihw_fakes.dynamixel.xseries import XSeries
@@ -182,7 +182,7 @@ def test_a_standing_joint_that_is_turned_by_hand_without_torque_stays_limp(secon
 def test_a_joint_that_an_emergency_stop_made_limp_stays_limp(
     monkeypatch: pytest.MonkeyPatch, way: float, seconds: float, phase: int
 ) -> None:
-    monkeypatch.setattr(lab_module, "RobotSettings", partial(lab_module.RobotSettings, torque_off_on_stop=True))
+    monkeypatch.setattr("lab.RobotSettings", partial(RobotSettings, torque_off_on_stop=True))
     lab = Standing.at_place("AX-12:1,XL330-M288:3", limits={"speed": 1.0})
     lab.run(phase * 0.02)
     lab.look("chain.estop = true")
