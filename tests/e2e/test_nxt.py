@@ -151,8 +151,13 @@ def test_motors_stand_when_the_daemon_ends(serve: Callable[..., Daemon], usb: En
     until(lambda: not robot_of(usb).brick.sound.sounding(usb.clock()))
 
 
-def test_a_script_that_never_yields_does_not_keep_the_robot_going(serve: Callable[..., Daemon], usb: Endpoint) -> None:
-    client = serve("--url", usb.url).client()
+def test_a_script_that_never_yields_does_not_keep_the_robot_going(
+    serve: Callable[..., Daemon], usb: Endpoint, tmp_path: Path
+) -> None:
+    """The dead man's work, where ``hold_limit`` does not end the script before."""
+    settings = tmp_path / "settings.toml"
+    settings.write_text("hold_limit = 0\n")
+    client = serve("--url", usb.url, "--config", str(settings)).client()
     client.say("wheels.speed = 30;")
     until(lambda: powers(usb)[0] == 30)
     client.say("var n = 0| while| (true) n++;")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib.util
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -43,11 +43,18 @@ class PlatformFolder(NamedTuple):
     problem: str = ""
 
 
+OWN_FOLDER: Final = Path(__file__).resolve().parents[1]
+"""The folder of this package.  If Python runs in a folder with an entry of that name, such as that of a robot's state,
+`find_spec` finds that one where this package is installed in place."""
+
+
 def package_folder(package: str) -> Path | None:
     """The folder of a package, without importing it; None if there is none."""
     top, *inner = package.split(".")
-    spec = importlib.util.find_spec(top)
-    places = [] if spec is None else spec.submodule_search_locations or []
+    places: Iterable[str | Path] = (OWN_FOLDER,)
+    if top != OWN_FOLDER.name:
+        spec = importlib.util.find_spec(top)
+        places = () if spec is None else spec.submodule_search_locations or ()
     return next((folder for folder in (Path(place, *inner) for place in places) if folder.is_dir()), None)
 
 
