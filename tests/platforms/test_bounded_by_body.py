@@ -292,6 +292,21 @@ def test_a_joint_that_is_blocked_for_long_is_stopped_or_gets_slack(action: str) 
     assert all(abs(lab.place(number) - 0.3) < 0.03 for number in lab.numbers)
 
 
+def test_missed_readings_do_not_begin_the_time_of_a_blocked_joint_anew() -> None:
+    lab = Chain.ready("AX-12:1,XL330-M288:3", blocked_limit=1.0)
+    lab.say_all("motor#.load = 1|; at (motor#.blocked?) echo(#);", 0.5)
+    lab.hold(True)
+    heard = lab.say_all("motor#.val = 0.9 time:1min,")
+    for _ in range(20):
+        for number in lab.numbers:
+            lab.kit.faults.start("silence", number, times=2)
+        heard += lab.say("", 0.2)
+    assert [heard.count(f"*** {number}") for number in lab.numbers] == [1, 1], heard
+    assert heard.count("was blocked for 1.") == 2, heard
+    lab.hold(False)
+    assert max(lab.fastest(1.0).values()) <= GRAIN
+
+
 def test_a_joint_that_turns_faster_than_its_limit_is_told_and_stopped() -> None:
     lab = Chain.ready("XL330-M288:3", limits={"speed": 0.5})
     lab.say('motor3.load = 1|; at (motor3.overspeed?(var v)) echo("too fast");', 0.5)

@@ -41,7 +41,10 @@ class MotionAuthority:
         self.epoch = epoch
         self._file = file
         self.unreadable = self.unkept = ""
-        self.holders = self._read_latches() | dict(holders)
+        kept = self._read_latches()
+        self.holders = kept | dict(holders)
+        if self.holders != kept and not self.unreadable:
+            self.keep_latches()
 
     @property
     def latched(self) -> str:

@@ -109,6 +109,8 @@ class BodyWatch:
 def _is_blocked(member: Member) -> bool:
     """Return whether something keeps a joint from its goal."""
     goal, limp = member.written.get(GOAL), member.written.get(TORQUE) == 0 or bool(member.limp_by)
-    if goal is None or limp or not member.moved or member.place is None or member.health.state != "ok":
+    # A suspect one is judged by its last reading: a missed one moves no joint.
+    is_heard = member.health.state in ("ok", "suspect")
+    if goal is None or limp or not member.moved or member.place is None or not is_heard:
         return False
     return member.follower.is_blocked(member.place, goal)

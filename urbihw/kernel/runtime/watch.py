@@ -36,11 +36,17 @@ class Recorder:
     may sleep: other jobs then read slots, and evaluate conditions of their own, and neither counts for it.
     """
 
-    __slots__ = ("_scheduler", "active")
+    __slots__ = ("_made", "_scheduler", "active")
 
     def __init__(self, scheduler: Scheduler) -> None:
         self._scheduler = scheduler
+        self._made = 0
         self.active: dict[Job | None, ConditionWatch] | None = None
+
+    def next_number(self) -> int:
+        """The number of a new watch: the watches of one place react in this order."""
+        self._made += 1
+        return self._made
 
     def present(self) -> ConditionWatch | None:
         """The watch whose condition the running job evaluates, or a job that waits for this one as its child."""
@@ -118,8 +124,8 @@ class ConditionWatch:
     """
 
     __slots__ = (
-        "_again", "_busy", "_changed", "_condition", "_failed", "_places", "_recorder", "_straight", "live", "steady",
-        "value",
+        "_again", "_busy", "_changed", "_condition", "_failed", "_places", "_recorder", "_straight", "live", "number",
+        "steady", "value",
     )  # fmt: skip
 
     def __init__(
@@ -130,6 +136,7 @@ class ConditionWatch:
         failed: Callable[[Exception], None],
     ) -> None:
         self._recorder = recorder
+        self.number = recorder.next_number()
         self._condition = condition
         self._changed = changed
         self._failed = failed
@@ -228,7 +235,7 @@ class ConditionWatch:
 
 
 def notify(meta: SlotMeta, value: Value = None) -> None:
-    """Evaluate all conditions that have read a slot, in the order in which they began to watch it.
+    """Evaluate all conditions that have read a slot, in the order in which they were set up.
 
     ``value`` is the new value; None stands for any change that is not that of a value.
     """
@@ -237,11 +244,15 @@ def notify(meta: SlotMeta, value: Value = None) -> None:
 
 
 def touch_all(watchers: dict[ConditionWatch, bool], value: Value) -> None:
-    """Evaluate the conditions in a table; the new ``value`` was written."""
+    """Evaluate the conditions in a table, in the order in which they were set up; the new ``value`` was written."""
     number = value.__class__ is float
-    # A copy, since each evaluation may remove its watch from the table and add it again.
-    for watch, was_number in list(watchers.items()):
+    # A copy, since each evaluation may remove its watch from the table and add it again, at the end.
+    for watch, was_number in sorted(watchers.items(), key=_set_up_at):
         watch.touched(number and was_number)
+
+
+def _set_up_at(row: tuple[ConditionWatch, bool]) -> int:
+    return row[0].number
 
 
 class Box:
