@@ -18,6 +18,7 @@ PROGRAMS = {
     "at": "at (motor7.val > 0.3) motor6.val = 1;",
     "handler of an event that a loop emits": "var Global.e = Event.new|; at (e?) motor6.val = 1;"
     " detach({ loop { e!; sleep(100ms) } });",
+    "rearm by itself": "detach({ every| (100ms) { try { bioloid.rearm; motor6.val = 1 } catch {} } });",
 }
 
 
@@ -70,6 +71,16 @@ def test_what_began_before_the_release_moves_nothing_until_it_is_armed_again(nam
     lab.say("bioloid.rearm;")
     assert lab.look("robot.problems") == "[]"
     lab.kit.servo(7).position = 700.0
+    assert horn(lab, 1.0) > 20
+
+
+def test_a_lobby_that_a_program_has_created_is_as_old_as_that_program() -> None:
+    lab = Lab.ready()
+    lab.say('var L = Lobby.create|; every (99ms) { try { L.receive("motor6.val = (time*5).sin;\\n") } catch {} },', 0.3)
+    press(lab)
+    release(lab)
+    assert horn(lab, 1.0) < 1
+    lab.say("bioloid.rearm;")
     assert horn(lab, 1.0) > 20
 
 

@@ -67,8 +67,8 @@ class Lobby(Obj):
         self.silence = ""
         """What the client has done, in words, while it may not move devices because its ``lease`` is over; else ""."""
         self.ordered: int | None = None
-        """The ``Job.ordered`` of every statement, if a device in another process sends them: that is one program.  None
-        for a client, whose statements are orders themselves."""
+        """The ``Job.ordered`` of every statement, if a device in another process sends them or a program has created
+        the lobby: that is one program.  None for a client, whose statements are orders themselves."""
         self.lease = ClientLease(self)
         self.on_quit: Callable[[], None] = lambda: None
         self.peer = remote

@@ -329,6 +329,7 @@ def _created(world: World, maker: Any) -> Any:
     made = make(world, speaker.programs, lambda lobby: None)
     made.output = Relay(speaker.output)
     made.set_maker(speaker)
+    made.ordered = world.scheduler.running().ordered
     speaker.holdings.register(made, "lobbies", MAX_CREATED_LOBBIES)
     return made
 

@@ -193,7 +193,13 @@ class Motion:
             self._set_armed(self._world.scheduler.epoch)
 
     def rearm(self) -> None:
-        """Let move again what was ordered before the release of an emergency stop and has not ended."""
+        """Let move again what was ordered before the release of an emergency stop and has not ended.
+
+        Raises MovementRefused in a job that was ordered before the release itself.
+        """
+        job = self._world.scheduler.current
+        if job is not None and job.ordered < self._armed_since:
+            self._refuse_unarmed(job.context)
         self._set_armed(0)
 
     def _set_armed(self, since: int) -> None:
