@@ -74,9 +74,11 @@ def test_what_began_before_the_release_moves_nothing_until_it_is_armed_again(nam
     assert horn(lab, 1.0) > 20
 
 
-def test_a_lobby_that_a_program_has_created_is_as_old_as_that_program() -> None:
+@pytest.mark.parametrize("typist", ["Lobby.create", "lobby"])
+def test_what_a_program_types_is_as_old_as_that_program(typist: str) -> None:
     lab = Lab.ready()
-    lab.say('var L = Lobby.create|; every (99ms) { try { L.receive("motor6.val = (time*5).sin;\\n") } catch {} },', 0.3)
+    text = f'var L = {typist}|; every (99ms) {{ try {{ L.receive("motor6.val = (time*5).sin;\\n") }} catch {{}} }},'
+    lab.say(text, 0.3)
     press(lab)
     release(lab)
     assert horn(lab, 1.0) < 1

@@ -98,13 +98,14 @@ class MotionAuthority:
     def release(self, user: str, others: Collection[str] = (), everyone: bool = False) -> tuple[str, ...]:
         """Release the latch of a user, and those of others, by user or name, or all; ``keep_latches`` comes next.
 
-        Returns the names of those whose latches it was; none if somebody else holds the robot.
+        Returns the names of those whose latches it was; none if somebody else holds the robot, or if none of the others
+        does: a mistyped name releases nothing.
         """
-        freed = [
-            each
-            for each, who in self.holders.items()
-            if everyone or each in (UNKNOWN, user) or each in others or who in others
-        ]
+        own = (UNKNOWN, _in_line(user))
+        theirs = [each for each, who in self.holders.items() if each in others or who in others]
+        if others and not theirs and not everyone:
+            return ()
+        freed = [each for each in self.holders if everyone or each in own or each in theirs]
         return tuple(self.holders.pop(each) for each in freed)
 
     def refusal(self, epoch: int) -> str:

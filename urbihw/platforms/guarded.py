@@ -80,11 +80,12 @@ class MotionGuard(DevicePart):
 
     @function("releaseOf")
     def release_of(self, name: str) -> None:
-        """Release the emergency stop of somebody else, by the name that ``estopHolders`` tells."""
+        """Release the emergency stop of somebody else, by the name that ``estopHolders`` tells, and one's own."""
         if name not in self.motion.holders.values():
             held = ", ".join(self.motion.holders.values())
             raise ValueError(f"{name} does not hold {self._name}" + (f"; it is held by {held}" if held else ""))
-        self._release(lambda user, who: who == name, (name,))
+        mine = self._holder()
+        self._release(lambda user, who: who == name or user in ("", mine), (name,))
 
     def _set_estop(self) -> None:
         if not isinstance(self.estop.value, bool):

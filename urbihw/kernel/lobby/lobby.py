@@ -125,6 +125,8 @@ class Lobby(Obj):
         for other in self.programs.lobbies:
             if other is not self and other.holdings.connects_from(address):
                 self.set_maker(other)
+                # It is one program, which began when it connected.
+                self.ordered = self.world.scheduler.epoch
                 return
 
     def _made(self) -> list[Lobby]:
@@ -137,10 +139,14 @@ class Lobby(Obj):
             self.lease.renew()
         self.take_input(data)
 
-    def take_input(self, data: bytes) -> None:
-        """Bytes from the client, or from a program in its place."""
+    def take_input(self, data: bytes, ordered: int | None = None) -> None:
+        """Bytes from the client, or from a program in its place that was ``ordered`` then (``Job.ordered``)."""
         self.received += len(data)
-        if self.connected:
+        if not self.connected:
+            return
+        if ordered is not None and self.input_handler == self.shell.feed:
+            self.shell.feed(data, ordered)
+        else:
             self.input_handler(data)
 
     def end_of_input(self, done: Callable[[], None]) -> None:

@@ -199,11 +199,18 @@ class Shell:
         self._more = WaitQueue(self._scheduler)
         self._numbers = itertools.count(1)
         self._when_idle: Callable[[], None] | None = None
+        self._typed: int | None = None
+        """The ``Job.ordered`` of the oldest program that typed some of what is pending; None if only the client did."""
         self._open = True
         self._job = self._scheduler.spawn(self._run, name, context=lobby)
 
-    def feed(self, data: bytes) -> None:
-        """Handle bytes from the client.  Short input is read at once, unless other input is pending."""
+    def feed(self, data: bytes, ordered: int | None = None) -> None:
+        """Handle bytes from the client, or from a program that was ``ordered`` then (``Job.ordered``).
+
+        Short input is read at once, unless other input is pending.
+        """
+        if ordered is not None:
+            self._typed = ordered if self._typed is None else min(ordered, self._typed)
         if self._input or self._items or self._reader.pending + len(data) > MAX_SHORT_TEXT:
             self._input += data
             self._more.wake_one()
@@ -269,6 +276,7 @@ class Shell:
                 if self._input:
                     self._read()
                     continue
+                self._typed = None
                 if self._when_idle is not None:
                     self._when_idle()
                 self._more.wait()
@@ -316,7 +324,7 @@ class Shell:
     def _foreground(self, statement: Statement) -> None:
         lobby = self._lobby
         self._job.name = self.next_name()
-        self._job.begin_statement(lobby.ordered)
+        self._job.begin_statement(self._ordered())
         scope = lobby.tag.open()
         try:
             scope.enter()
@@ -342,6 +350,11 @@ class Shell:
         elif value is not world.void and value is not world.nil:
             show(self._lobby, value)
 
+    def _ordered(self) -> int | None:
+        """When the next statement was ordered: what a program types is no newer than the program."""
+        orders = [each for each in (self._lobby.ordered, self._typed) if each is not None]
+        return min(orders, default=None)
+
     def _background(self, statement: Statement) -> None:
         lobby = self._lobby
 
@@ -357,7 +370,7 @@ class Shell:
                 scope.exit()
 
         job = self._scheduler.spawn(run, self.next_name(), context=lobby)
-        job.begin_statement(lobby.ordered)
+        job.begin_statement(self._ordered())
         self._scheduler.start_now(job)
 
 

@@ -91,7 +91,7 @@ class SpeakerLobby(Protocol):
     label: str
     lease: LobbyLease
 
-    def take_input(self, data: bytes) -> None:
+    def take_input(self, data: bytes, ordered: int | None = None) -> None:
         """Add bytes to the input, as if the client had sent them."""
         ...
 
@@ -196,7 +196,7 @@ def receive(world: World, this: Value, text: str) -> None:
     waiting = lobby.shell.waiting
     if waiting + len(text) > MAX_UNREAD_SIZE:
         raise errors.primitive(f"too much to be read: {waiting} bytes wait already, {len(text)} more are too many")
-    lobby.take_input(text.encode("latin-1", "replace"))
+    lobby.take_input(text.encode("latin-1", "replace"), world.scheduler.running().ordered)
 
 
 @TABLE.primitive("interrupt")
