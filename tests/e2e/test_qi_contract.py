@@ -217,7 +217,9 @@ def test_properties_are_read_and_written(session: QiSession) -> None:
     session.wait(session.set_property(contract, "level", 7))
     assert session.wait(session.get_property(contract, "level")) == 7
     told: list[QiCall] = []
+    # One after the other: libqi carries calls out in several threads, and answers them in any order.
     session.set_property(contract, "level", 3, told.append)
+    poll_until(session, lambda: len(told) == 1)
     session.get_property(contract, "level", told.append)
     poll_until(session, lambda: len(told) == 2)
     assert (told[0].error, told[1].value) == ("", 3)
