@@ -271,8 +271,9 @@ class Case:
             self.client.forget_heard()
 
     def signal_worker(self, number: signal.Signals) -> None:
-        """Send something to the owner of the wire."""
-        os.kill(self.daemon.workers[0], number)
+        """Send something to the owner of the wire, if it is still there: one that was held is killed as hung."""
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self.daemon.workers[0], number)
 
     def go(self, rough: bool, other: bool = False) -> None:
         """Set it moving, by a client that can be killed if that is wanted, or by another master."""

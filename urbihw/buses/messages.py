@@ -2,7 +2,7 @@
 
 To the worker: Begin first; then Targets, Writers, Unusable, Watch, Request, Stop, EmergencyStop, Release, Limits,
 Heartbeat, Configure.
-From the worker: Found, Gone, Differences, Samples, DeviceReport, DeviceState, LinkState, Reply, Refused, Limited,
+From the worker: Found, GuestsGone, Differences, Samples, DeviceReport, DeviceState, LinkState, Reply, Refused, Limited,
 ThresholdCrossed, Held, Stopped, Latched, Statistics, WorkerHeartbeat, Ended.  From the worker's supervisor:
 WorkerState.
 

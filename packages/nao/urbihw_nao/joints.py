@@ -86,7 +86,7 @@ class NaoJoint(EffectorDevice, MeasuredDevice):
             self.temperature.sense(values["temperature"], stamp)
 
     def limits_in_counts(self, limits: DeviceLimits, named: LimitNamer) -> tuple[LimitTable, Sequence[m.Threshold]]:
-        """See ``platforms.base.LimitedDevice``: rad and rad/s, as the worker has them too."""
+        """See ``platforms.hooks.LimitedDevice``: rad and rad/s, as the worker has them too."""
         return {(self.device, "angle"): m.Limit(*limits.position, limits.speed, named("position"), named("speed"))}, ()
 
     def was_limited(self, message: m.Limited) -> None:
@@ -240,7 +240,7 @@ class NaoWalk(EffectorDevice, MeasuredDevice):
             var.sense(0.0)
 
     def limits_in_counts(self, limits: DeviceLimits, named: LimitNamer) -> tuple[LimitTable, Sequence[m.Threshold]]:
-        """See ``platforms.base.LimitedDevice``: m/s and rad/s."""
+        """See ``platforms.hooks.LimitedDevice``: m/s and rad/s."""
         rate = limits.acceleration
         straight = m.Limit(-limits.speed, limits.speed, rate, named("speed"), named("acceleration"))
         return {

@@ -208,7 +208,7 @@ class ServoDrive(EffectorDevice):
     # ---------------------------------------------------------------- limits of the settings
 
     def limits_in_counts(self, limits: DeviceLimits, named: LimitNamer) -> tuple[LimitTable, Sequence[m.Threshold]]:
-        """Convert rad, rad/s, rad/s2 of the motor's own shaft to increments: see ``platforms.base.LimitedDevice``.
+        """Convert rad, rad/s, rad/s2 of the motor's own shaft to increments: see ``platforms.hooks.LimitedDevice``.
 
         Programs may change the coefficients; the limits do not change with them.
         """

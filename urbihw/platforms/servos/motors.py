@@ -232,7 +232,7 @@ class ServoMotor(ServoBusDevice, EffectorDevice):
     # ---------------------------------------------------------------- limits of the settings
 
     def limits_in_counts(self, limits: DeviceLimits, named: LimitNamer) -> tuple[LimitTable, Sequence[m.Threshold]]:
-        """Convert the limits to raw counts for the present mode: see ``platforms.base.LimitedDevice``."""
+        """Convert the limits to raw counts for the present mode: see ``platforms.hooks.LimitedDevice``."""
         limits, named = self._with_range(limits, named)
         made = ServoLimits(self.number, limits, named)
         self._fastest = limits.speed, named("speed")
