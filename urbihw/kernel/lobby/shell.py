@@ -352,8 +352,10 @@ class Shell:
 
     def _ordered(self) -> int | None:
         """When the next statement was ordered: what a program types is no newer than the program."""
-        orders = [each for each in (self._lobby.ordered, self._typed) if each is not None]
-        return min(orders, default=None)
+        typed, lobby = self._typed, self._lobby.ordered
+        if typed is None or lobby is None:
+            return lobby if typed is None else typed
+        return min(typed, lobby)
 
     def _background(self, statement: Statement) -> None:
         lobby = self._lobby
