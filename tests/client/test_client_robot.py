@@ -21,7 +21,8 @@ from urbihw.client import aio
 from urbihw.client.dialect import PlainDialect
 from urbihw.client.errors import AccessDenied, CannotConnect, ConnectionLost, SlotMissing, TimedOut, UrbiError
 from urbihw.client.media import Picture
-from urbihw.client.robot import Robot, UrbiFunction, UrbiObject
+from urbihw.client.objects import UrbiFunction, UrbiObject
+from urbihw.client.robot import Robot
 
 pytestmark = pytest.mark.e2e
 
@@ -62,6 +63,76 @@ def test_nan_and_bytes(robot: Robot) -> None:
     assert math.isnan(robot.motor6.val)
     robot.motor6.val = b"a\xff\n"
     assert robot.run("motor6.val.size") == 3
+
+
+def test_a_group_has_a_length_and_members(robot: Robot) -> None:
+    robot.run("var Global.motor7 = Motor.new; var Global.motors = [motor6, motor7]; var Global.pair = Group.new;"
+              "pair.add(motor6);")
+    assert len(robot.pair) == 1
+    assert [type(member) for member in robot.pair] == [UrbiObject]
+    assert robot.pair
+    with pytest.raises(TypeError, match="cannot be iterated"):
+        list(robot.motor6)
+    with pytest.raises(TypeError, match="no length"):
+        len(robot.motor6)
+    assert bool(robot.motor6)
+
+
+def test_a_slot_tells_its_unit_range_and_meaning(robot: Robot) -> None:
+    robot.run('motor6.val->unit = "rad"; motor6.val->rangemin = -1; motor6.val->rangemax = 2.5;')
+    slot = robot.motor6.slot("val")
+    assert (slot.unit, slot.min, slot.max) == ("rad", -1.0, 2.5)
+    plain = robot.motor6.slot("age")
+    assert (plain.unit, plain.min, plain.max) == ("", -math.inf, math.inf)
+    assert plain.get_property("blend") is None
+    assert robot.slot("System.time").meaning.startswith("Seconds")
+    assert robot.System.time.__doc__ == "Seconds since the start of the server."
+
+
+def test_a_misspelt_slot_has_a_hint(robot: Robot) -> None:
+    with pytest.raises(SlotMissing, match=r"motr6 \(possible misspelling of motor6\)") as caught:
+        _ = robot.motr6
+    assert caught.value.name == "motr6"
+    assert caught.value.obj is robot
+    with pytest.raises(SlotMissing, match="possible misspelling of moved"):
+        _ = robot.motor6.movde
+
+
+def test_completion_shows_what_is_the_users(robot: Robot) -> None:
+    robot.run("var mine = 1; function Global.help6() {}")
+    methods = {name for name in vars(type(robot)) if not name.startswith("_")} - {"urbiscript_path"}
+    assert set(dir(robot)) - methods - {"slot", "messages"} == {"motor6", "photo", "mine", "help6"}
+
+
+def test_pictures_of_a_slot_without_pictures_fail_at_once(robot: Robot) -> None:
+    with robot.pictures("camera.val") as pictures, pytest.raises(SlotMissing, match="camera"):
+        next(pictures)
+    with robot.pictures("motor6.val") as pictures, pytest.raises(UrbiError, match="no Binary"):
+        next(pictures)
+    with robot.pictures("photo", timeout=2) as pictures:
+        next(pictures)
+        robot.photo = 3
+        with pytest.raises(TimedOut, match="sent nothing for 2 s; photo: this slot has no Binary"):
+            next(pictures)
+    with pytest.raises(ValueError, match="^hz: pictures in a second, more than 0$"):
+        robot.pictures("motor6.val", hz=0)
+
+
+def test_asyncio_has_members_properties_and_hints_too(lan: Lan) -> None:
+    async def use() -> None:
+        async with await aio.connect("127.0.0.1", lan.plain_port, timeout=20) as robot:
+            await robot.run(SETUP + 'motor6.val->unit = "rad"; var Global.pair = Group.new; pair.add(motor6);')
+            assert [type(member) async for member in robot.pair] == [aio.AsyncSlot]
+            assert await robot.motor6.val.get_property("unit") == "rad"
+            assert (await robot.slot("System.time").get_meaning()).startswith("Seconds")
+            with pytest.raises(SlotMissing, match="misspelling of motor6"):
+                await robot.motr6
+            with pytest.raises(TypeError):
+                _ = [member async for member in robot.motor6]
+            with pytest.raises(SlotMissing):
+                await anext(robot.pictures("camera.val"))
+
+    asyncio.run(use())
 
 
 def test_objects_have_slots_and_functions_are_only_called_by_a_call(robot: Robot) -> None:
@@ -131,15 +202,6 @@ def test_the_location_of_an_error_is_in_the_text_or_there_is_none(robot: Robot) 
     with pytest.raises(SlotMissing) as missing:
         robot.run("1;\n nowhere", tag="fine")
     assert missing.value.location == "2.2-8"
-
-
-def test_a_slot_without_a_picture_says_so(robot: Robot) -> None:
-    pictures = robot.pictures("motor6.val", hz=50, timeout=0.3)
-    with pytest.raises(TimedOut, match="sent nothing for 0.3 s; motor6.val: this slot has no Binary"):
-        next(pictures)
-    assert pictures.errors == {"motor6.val": "this slot has no Binary"}
-    with pytest.raises(ValueError, match="^hz: pictures in a second, more than 0$"):
-        robot.pictures("motor6.val", hz=0)
 
 
 @pytest.mark.long

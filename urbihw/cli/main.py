@@ -36,6 +36,7 @@ COMMANDS: Final = {
     "panel": "serve the panel for browsers; pair, list and remove browsers",
     "view": "show the simulated world of a robot in a window",
     "film": "make a film of a script in a simulated world",
+    "stubs": "write a typed Python module of a robot, for editors",
     "teach": "record a motion that is shown to a robot by hand",
     "play": "play recorded motions and poses",
     "access": "manage access from the network: make, list and remove tokens",

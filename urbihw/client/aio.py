@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Generator
+from collections.abc import AsyncIterator, Callable, Generator
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Generic, Never, Self, TypeVar
 
 from urbihw.client.aio_connection import AsyncConnection
+from urbihw.client.errors import SlotMissing
 from urbihw.client.literals import (
     assignment_text,
     call_text,
@@ -23,10 +24,14 @@ from urbihw.client.literals import (
     checked_slot,
     checked_text,
     literal,
+    meaning_text,
+    members_text,
+    property_text,
     written_path,
 )
 from urbihw.client.robot import DEFAULT_PORT, MAX_KEPT_MESSAGES, credentials_of, split_address
 from urbihw.client.session import Message, NoPlainValue, message_of
+from urbihw.client.shown import first_line
 from urbihw.client.streams import EventStream, SampleStream, ShotStream, Stream
 from urbihw.client.where import where_is
 
@@ -90,13 +95,37 @@ class AsyncSlot:
         answer = await ask(lambda dialect, channel: dialect.evaluate(channel, body), timeout, keep=keep)
         return self._wrapped(answer)
 
+    async def get_property(self, name: str) -> Any:
+        """A property of the slot, such as ``unit`` or ``rangemin``; None if it has none of this name."""
+        return await self._evaluated(property_text(self._path, name))
+
+    async def get_meaning(self) -> str:
+        """What the value or function is, in the words of the server; "" if it says nothing."""
+        return first_line(await self._evaluated(meaning_text(self._path)))
+
+    async def __aiter__(self) -> AsyncIterator[Any]:
+        """The members of a group: ``async for motor in robot.motors``.  Raises TypeError for what has none."""
+        try:
+            members = await self._evaluated(members_text(self.urbiscript_path()))
+        except SlotMissing:
+            raise TypeError(f"{self!r} cannot be iterated: it has no members") from None
+        for member in members:
+            yield member
+
+    async def _evaluated(self, body: str) -> Any:
+        ask, limit = self._connection.ask, self._connection.timeout
+        return self._wrapped(await ask(lambda dialect, channel: dialect.evaluate(channel, body), limit))
+
     def urbiscript_path(self) -> str:
         """How it is written in urbiscript."""
         return written_path(self._path) or "lobby"
 
     def _wrapped(self, answer: Any) -> Any:
         if isinstance(answer, NoPlainValue):
-            return AsyncSlot(self._connection, self._path if answer.kind == "function" else answer.printed)
+            made = AsyncSlot(self._connection, "")
+            # What is printed may be no path: then an error says so when a slot of it is used.
+            object.__setattr__(made, "_path", self._path if answer.kind == "function" else answer.printed)
+            return made
         if isinstance(answer, list):
             return [self._wrapped(member) for member in answer]
         if isinstance(answer, dict):

@@ -133,6 +133,25 @@ def call_text(path: str, args: Iterable[Any]) -> str:
     return f"{written_path(path)}({arguments})" if arguments else written_path(path)
 
 
+def property_text(path: str, name: str) -> str:
+    """The reading of a property of a slot.  Raises ValueError for the member of a list, which has none."""
+    if path.endswith("]"):
+        raise ValueError(f"{path} is no slot with a name, so it has no properties")
+    return f"{written_path(path)}->{checked_name(name)}"
+
+
+def members_text(path: str) -> str:
+    """The members of a container or a Group, as a List (manual, specs/group: ``each``)."""
+    return f"var _members = [] | {path}.each(closure (var _member) {{ _members << _member }}) | _members"
+
+
+def meaning_text(path: str) -> str:
+    """The reading of what the server says about a slot, without unit and range; "" for nothing."""
+    holder, _, name = path.rpartition(".")
+    said = f"System.documentation({written_path(holder) or 'this'}, {string_literal(name)})"
+    return f'if (System.hasSlot("documentation")) {said} else ""'
+
+
 def checked_slot(path: str) -> str:
     """The path of a slot that can be written.  Raises ValueError for a constant."""
     if path in CONSTANTS:

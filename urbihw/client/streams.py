@@ -5,12 +5,13 @@ The newest items stay: what a program does not fetch in time is left out, and co
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
 from urbihw.client.dialect import Native
-from urbihw.client.errors import ClientError, TimedOut, UrbiError
+from urbihw.client.errors import ClientError, SlotMissing, TimedOut, UrbiError
 from urbihw.client.lines import Line, guarded
 from urbihw.client.literals import checked_path, checked_rate, written_path
 from urbihw.client.media import Blob
@@ -21,6 +22,10 @@ MAX_LAG_S: Final = 1.0
 """A sample that is this much older than the newest one is left out, so that a slow program does not fall behind."""
 KEPT_SAMPLES: Final = 10
 """Number of samples that are kept however old they are."""
+
+NO_BINARY: Final = "this slot has no Binary"
+"""What the server says of a slot that holds something else than a picture or a sound."""
+_MISSING: Final = re.compile(r"lookup failed: .*")
 
 Convert = Callable[[Line], Any]
 
@@ -168,6 +173,7 @@ class ShotStream(Stream):
         self.slot = slot
         self.hz = hz
         self._time = 0.0
+        self._has_begun = False
 
     def start_text(self, dialect: Native, channel: str) -> str:
         """The statement that begins it."""
@@ -182,11 +188,22 @@ class ShotStream(Stream):
             self._time = float(told.get("t", self._time))
             self._server_lost = int(told.get("lost", self._server_lost))
             if "error" in told:
-                self.errors[str(told["error"])] = str(told["text"])
+                self._note_error(str(told["error"]), str(told["text"]))
             return
         value = convert(line)
         if isinstance(value, Blob):
+            self._has_begun = True
             self.add(Shot((self._time or (line.stamp or 0) / 1000) + offset, value))
+
+
+    def _note_error(self, slot: str, text: str) -> None:
+        """Store why the slot cannot be read.  Before the first content a slot that does not exist, or holds something
+        else, ends the stream: it was a mistake of the program.  Later on the camera may come back."""
+        self.errors[slot] = text
+        if not self._has_begun and text.endswith(NO_BINARY):
+            self.failed = UrbiError(f"{slot}: {text}")
+        elif not self._has_begun and (found := _MISSING.search(text)):
+            self.failed = SlotMissing(f"{slot}: {found[0]}", kind="Lookup")
 
 
 class LineStream(Stream):

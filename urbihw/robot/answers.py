@@ -204,9 +204,11 @@ def _slot_text(world: World, this: Value, path: str) -> str:
         return _kind_text(world, make_reader(world, this, steps)())
     except Unreadable as refusal:
         holder = this if len(steps) == 1 else make_reader(world, this, steps[:-1])()
-        if steps[-1].index is None and world.peek_obj(holder).find(steps[-1].name) is not None:
+        if steps[-1].index is not None:
+            return _error_lines("Lookup", [str(refusal)])
+        if world.peek_obj(holder).find(steps[-1].name) is not None:
             return f'["function", {escaped(path)}]'
-        return _error_lines("Lookup", [str(refusal)])
+        raise errors.LookupFailed(steps[-1].name, holder) from None
 
 
 def _kind_text(world: World, value: Value) -> str:
