@@ -22,7 +22,7 @@ EXAMPLES = sorted((ROOT / "docs" / "examples" / "client").glob("*.py"))
 SETUP = """
 class Global.Motor { var val = 0; var load = 0.1; };
 var Global.motor6 = Motor.new;
-motor6.val->unit = "rad"; motor6.val->rangemax = 2.618;
+motor6.val = 0; motor6.val->unit = "rad"; motor6.val->rangemax = 2.618;
 var Global.motors = Group.new(motor6); for (17) motors.add(Motor.new);
 var Global.sensor100 = Object.new;
 var sensor100.IRCenter = 17;
