@@ -128,13 +128,31 @@ def test_a_bus_worker_that_is_replaced_is_told(environment: dict[str, str], tmp_
     assert done.stdout[9:] == told + "\n"
     done = subprocess.run((*MONITOR, "--count", "1"), capture_output=True, text=True, timeout=TIMEOUT_S,
                           env=environment, stdin=subprocess.DEVNULL)  # fmt: skip
-    assert "no daemon answers" in done.stdout
+    assert (done.returncode, done.stdout) == (69, "")
+    assert "no daemon answers" in done.stderr
+
+
+def test_a_narrow_terminal_shows_fewer_columns_and_says_which() -> None:
+    row = {"device": "shoulder_pan (1)", "model": "STS3215", "state": "ok", "requested": "1.20 rad",
+           "applied": "1.00 rad", "measured": "0.50 rad", "temperature": "41 degC", "voltage": "11.1 V", "load": "3%",
+           "current": "", "charge": "", "misses": "4/0", "moved by": "Lobby_2"}  # fmt: skip
+    assert monitor.columns_for([row], 200) == (
+        ["device", "model", "state", "requested", "applied", "measured", "temperature", "voltage", "load", "misses",
+         "moved by"], [],
+    )  # fmt: skip
+    assert monitor.columns_for([row], 60) == (
+        ["device", "state", "requested", "measured", "moved by"],
+        ["misses", "load", "model", "voltage", "applied", "temperature"],
+    )
+    assert monitor.columns_for([row], 30) == (["device", "state", "measured"], [
+        "misses", "load", "model", "voltage", "applied", "temperature", "moved by", "requested",
+    ])  # fmt: skip
 
 
 def test_requested_stands_beside_applied_and_measured() -> None:
     console = Console(width=140, record=True, file=open(os.devnull, "w"))  # noqa: SIM115
     told = moving()
-    console.print(monitor.picture([Report("bioloid-54000", told, "", judge(told))]))
+    console.print(monitor.picture([Report("bioloid-54000", told, "", judge(told))], 140))
     console.file.close()
     lines = console.export_text().splitlines()
     assert lines[0].startswith("bioloid-54000: ok: link up")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from collections.abc import Sequence
 from typing import Final, TextIO
@@ -10,6 +11,10 @@ from urbihw.buses.servos.hand_calibration import CalibratedJoint
 from urbihw.cli.rows import RowsInPlace
 
 _WIDTH: Final = 40
+"""Characters of a bar where there is room."""
+_LEAST_WIDTH: Final = 5
+_LONGEST_NAME: Final = 20
+_NOT_MOVED: Final = "not moved yet"
 _LINE_PERIOD_S: Final = 1.0
 
 
@@ -25,14 +30,15 @@ class RangeDisplay:
     def show(self, joints: Sequence[CalibratedJoint], now: float) -> None:
         """Show the joints; `now` in seconds bounds the number of lines that a pipe gets."""
         if self._stream.isatty():
-            self._rows.show(self._stream, [bar(joint) for joint in joints])
+            self._rows.show(self._stream, bars(joints, shutil.get_terminal_size().columns))
         elif now >= self._next_line:
             self._next_line = now + _LINE_PERIOD_S
             self._print_changes(joints)
 
     def finish(self, joints: Sequence[CalibratedJoint], now: float) -> None:
-        """Show the final state."""
+        """Show the final state, after Enter."""
         self._next_line = now
+        self._rows.skip_line()
         self.show(joints, now)
         self._rows.leave()
         self._shown = []
@@ -45,10 +51,21 @@ class RangeDisplay:
         self._shown = lines
 
 
-def bar(joint: CalibratedJoint) -> str:
-    """One joint as a line: its range so far, and where it is in it."""
+def bars(joints: Sequence[CalibratedJoint], columns: int) -> list[str]:
+    """The joints as lines of a terminal: the range of each so far, and where it is in it.
+
+    The bars shrink before any number is cut.
+    """
+    longest = max((len(joint.name) for joint in joints), default=0)
+    name = min(longest, _LONGEST_NAME)
+    frame = name + len(" -12345 [] -12345 at -12345 ") + len(_NOT_MOVED) + 1  # the last column stays free
+    width = max(_LEAST_WIDTH, min(_WIDTH, columns - frame))
+    return [_bar(joint, name, width) for joint in joints]
+
+
+def _bar(joint: CalibratedJoint, name: int, width: int) -> str:
     span = max(joint.high - joint.low, 1)
-    place = round((joint.present - joint.low) / span * (_WIDTH - 1))
-    cells = "".join("|" if column == place else "=" for column in range(_WIDTH))
-    mark = "" if joint.is_measured else "  not moved yet"
-    return f"{joint.name[:20]:20} {joint.low:6} [{cells}] {joint.high:6}  at {joint.present}{mark}"
+    place = round((joint.present - joint.low) / span * (width - 1))
+    cells = "".join("|" if column == place else "=" for column in range(width))
+    mark = "" if joint.is_measured else _NOT_MOVED
+    return f"{joint.name[:name]:{name}} {joint.low:6} [{cells}] {joint.high:6} at {joint.present:6} {mark}".rstrip()

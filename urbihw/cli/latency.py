@@ -24,7 +24,7 @@ from typing import Any, Final
 from urbihw.buses.trace import Chunk
 from urbihw.cli.lobby_client import LobbyClient
 from urbihw.cli.options import DEFAULT_PORT, CliRefused, whole
-from urbihw.cli.reach import add_server, credentials, server
+from urbihw.cli.reach import add_server, credentials, only_port, server
 from urbihw.cli.tracing import WorkerTraffic, open_traffic, traffic_of
 from urbihw.client.where import Where, is_loopback
 from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_UNAVAILABLE
@@ -46,7 +46,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     """The options of ``urbihw latency``."""
     parser.add_argument("what", nargs="*", metavar="WHAT", help=f"what to measure: {', '.join(WHATS)} (default: all)")
     add_server(parser)
-    parser.set_defaults(port=None)  # Without a port, the bus is that of the only robot.
+    parser.set_defaults(port=None)  # Without a port it is that of the only daemon here.
     parser.add_argument("--count", type=whole(1, 1_000_000, "number of round trips"), default=500, metavar="N",
                         help="round trips of each (%(default)s)")
     parser.add_argument("--socket", type=Path, metavar="PATH", help="control socket of the robot, for the bus")
@@ -126,7 +126,8 @@ def bus(options: argparse.Namespace) -> list[float]:
 
 def _server(options: argparse.Namespace) -> Where:
     """The server that the options name.  Raises CliRefused."""
-    return server(argparse.Namespace(**vars(options) | {"port": options.port or DEFAULT_PORT}))
+    number = options.port or (only_port() if options.host is None else None) or DEFAULT_PORT
+    return server(argparse.Namespace(**vars(options) | {"port": number}))
 
 
 def _bus_of(options: argparse.Namespace) -> WorkerTraffic:

@@ -20,12 +20,11 @@ from urbihw.buses.verdict import device_name, rows_in
 from urbihw.cli import control, reports
 from urbihw.cli.options import whole
 from urbihw.cli.reports import Report
-from urbihw.exitcodes import EX_CONFIG, EX_OK
+from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_UNAVAILABLE
 from urbihw.extras import install_command
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
-    from rich.table import Table
 
 TABLE_PERIOD_S: Final = 0.25
 LINE_PERIOD_S: Final = 1.0
@@ -39,6 +38,16 @@ _STATE_STYLES: Final = {"ok": "green", "back": "yellow", "suspect": "yellow", "l
 _DUMB: Final = ("", "dumb", "unknown")
 """Values of TERM for a terminal without a cursor that can be moved."""
 _MEASURED: Final = ("temperature", "voltage", "load", "current", "charge")
+_WORDS: Final = ("device", "model", "state", "moved by")
+"""Columns of words, which begin at the left; the others are numbers."""
+_GAP: Final = 2
+"""Spaces between two columns."""
+_ALWAYS: Final = ("device", "model", "state", "requested", "applied", "measured", "moved by")
+"""Columns that are shown without any text, too, so that the table does not jump when a device begins to move."""
+_FIRST_TO_GO: Final = (
+    "misses", "charge", "current", "load", "model", "voltage", "applied", "temperature", "moved by", "requested",
+)  # fmt: skip
+"""Columns that a narrow terminal does not show, the least important first."""
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -63,10 +72,14 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _print_lines(options: argparse.Namespace, sleep: Callable[[float], None]) -> int:
-    """Print one line a second for each robot."""
-    left = options.count
+    """Print one line a second for each robot.  A daemon that goes may come back; without one at the start the command
+    fails."""
+    left, seen = options.count, False
     while left is None or left > 0:
         found = reports.collect(options.socket)
+        seen = seen or bool(found)
+        if not seen:
+            return control.complain(control.no_daemon_problem("health"), EX_UNAVAILABLE)
         lines = [reports.robot_line(report) for report in found] or [control.no_daemon_problem("health")]
         for line in lines:
             print(f"{time.strftime('%H:%M:%S')} {line}", flush=True)
@@ -85,7 +98,7 @@ def _show_table(options: argparse.Namespace) -> int:
     left = options.count
     with _keys(), Live(screen=True, auto_refresh=False) as live:
         while left is None or left > 0:
-            live.update(picture(reports.collect(options.socket)), refresh=True)
+            live.update(picture(reports.collect(options.socket), live.console.width), refresh=True)
             left = None if left is None else left - 1
             if _wait_for_key(TABLE_PERIOD_S):
                 break
@@ -114,8 +127,8 @@ def _wait_for_key(seconds: float) -> bool:
 # ---------------------------------------------------------------- the picture
 
 
-def picture(found: Sequence[Report]) -> RenderableType:
-    """The table of all robots."""
+def picture(found: Sequence[Report], width: int) -> RenderableType:
+    """The table of all robots, for a terminal with so many columns."""
     from rich.console import Group
     from rich.text import Text
 
@@ -128,31 +141,61 @@ def picture(found: Sequence[Report]) -> RenderableType:
         if len(report.findings) > MAX_FINDINGS:
             parts.append(Text(f"  and {len(report.findings) - MAX_FINDINGS} more: urbihw health"))
         if report.told:
-            parts.append(_table(rows_in(report.told, "devices")))
+            parts.append(_table(rows_in(report.told, "devices"), width))
     parts.append(Text("q ends", "dim"))
     return Group(*parts)
 
 
-def _table(rows: Sequence[Mapping[str, Any]]) -> Table:
+def _table(rows: Sequence[Mapping[str, Any]], width: int) -> RenderableType:
+    """The devices of a robot, a row each, with the columns that have something to tell and fit into the width."""
+    from rich.console import Group
     from rich.table import Table
     from rich.text import Text
 
-    shown = [name for name in _MEASURED if any(reports.value_text(row, name) for row in rows)]
-    table = Table(box=None, pad_edge=False)
-    for head in ("device", "model", "state"):
-        table.add_column(head)
-    for head in ("requested", "applied", "measured", *shown, "misses"):
-        table.add_column(head, justify="right")
-    table.add_column("moved by")
-    for row in rows:
-        moved = motion_of(row)
-        cells = [device_name(row), str(row.get("model") or ""), str(row.get("alarm") or row.get("state"))]
-        cells += [reports.value_text(row, moved, which) for which in ("requested", "applied", "values")]
-        cells += [reports.value_text(row, name) for name in shown]
-        cells += [f"{row.get('missed')}/{row.get('lost')}" if row.get("missed") or row.get("lost") else ""]
+    cells = [cells_of(row) for row in rows]
+    heads, narrow = columns_for(cells, width)
+    table = Table(box=None, pad_edge=False, padding=(0, _GAP, 0, 0))
+    for head in heads:
+        table.add_column(head, justify="left" if head in _WORDS else "right", no_wrap=True)
+    for row, texts in zip(rows, cells, strict=True):
         style = "bold red" if row.get("alarm") else _STATE_STYLES.get(str(row.get("state")), "")
-        table.add_row(*(Text(reports.clean(cell)) for cell in (*cells, str(row.get("who") or ""))), style=style)
-    return table
+        table.add_row(*(Text(texts[head]) for head in heads), style=style)
+    if not narrow:
+        return table
+    return Group(table, Text(f"no room for: {', '.join(narrow)}; make the terminal wider", "dim"))
+
+
+def cells_of(row: Mapping[str, Any]) -> dict[str, str]:
+    """The texts of a device by the heads of their columns."""
+    moved = motion_of(row)
+    cells = {"device": device_name(row), "model": row.get("model"), "state": row.get("alarm") or row.get("state")}
+    cells |= {
+        head: reports.value_text(row, moved, which)
+        for head, which in (("requested", "requested"), ("applied", "applied"), ("measured", "values"))
+    }
+    cells |= {name: reports.value_text(row, name) for name in _MEASURED}
+    cells["misses"] = f"{row.get('missed')}/{row.get('lost')}" if row.get("missed") or row.get("lost") else ""
+    cells["moved by"] = row.get("who")
+    return {head: reports.clean(str(text or "")) for head, text in cells.items()}
+
+
+def columns_for(rows: Sequence[Mapping[str, str]], width: int) -> tuple[list[str], list[str]]:
+    """The heads of the columns that are shown, and of those for which a terminal of this width has no room.
+
+    A column without any text is left out; the least important ones give way first.
+    """
+    widths = {
+        head: max(len(head), *(len(row[head]) for row in rows))
+        for head in (rows[0] if rows else ())
+        if head in _ALWAYS or any(row[head] for row in rows)
+    }
+    narrow = []
+    for head in _FIRST_TO_GO:
+        if sum(widths.values()) + _GAP * (len(widths) - 1) <= width:
+            break
+        if widths.pop(head, None) is not None:
+            narrow.append(head)
+    return [*widths], narrow
 
 
 def motion_of(row: Mapping[str, Any]) -> str:

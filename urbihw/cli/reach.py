@@ -51,6 +51,12 @@ def resolve_server(host: str | None, number: int, tls: bool | None) -> Where:
     return where_is(DEFAULT_HOST if host is None else host, number, tls)
 
 
+def only_port() -> int | None:
+    """The port of the daemon of this machine; None if there is none, or several."""
+    names = {path.stem.partition("-")[2] for path in _sockets("*") if accepts(path)}
+    return int(names.pop()) if len(names) == 1 else None
+
+
 def credentials(options: argparse.Namespace) -> Credentials:
     """The credentials from the options of ``add_access``.  At a terminal, the user is asked for missing ones."""
     asks = sys.stdin.isatty() and sys.stderr.isatty()
@@ -68,7 +74,7 @@ def _port_in(file: Path) -> int:
         raise CliRefused(f"{file} has no port in it; is the server listening (--port)?", EX_CONFIG) from None
 
 
-def _sockets(number: int) -> list[Path]:
+def _sockets(number: int | str) -> list[Path]:
     try:
         return client_sockets(number)
     except ValueError:  # BadConfig for a folder without permission: use TCP.

@@ -28,6 +28,10 @@ class RowsInPlace:
         stream.flush()
         self._count = len(rows)
 
+    def skip_line(self) -> None:
+        """The user has pressed Enter below the rows: the cursor is one line further down."""
+        self._count += 1 if self._count else 0
+
     def leave(self) -> None:
         """The next rows come below these."""
         self._count = 0

@@ -104,10 +104,10 @@ def client_path(port: int, environment: Mapping[str, str] = os.environ) -> Path:
     return runtime_folder(environment) / f"urbi-{port}.socket"
 
 
-def client_sockets(port: int, environment: Mapping[str, str] = os.environ) -> list[Path]:
-    """The paths of the client sockets of daemons on ``port`` that this user can find, that of the service last.
+def client_sockets(port: int | str, environment: Mapping[str, str] = os.environ) -> list[Path]:
+    """The paths of the client sockets of daemons on ``port`` ("*": any) that this user can find.
 
-    Raises BadConfig.
+    Those of the service come last.  Raises BadConfig.
     """
     from pathlib import Path
 
