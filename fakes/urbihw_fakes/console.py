@@ -94,7 +94,7 @@ class Console:
             who = None
             if chosen and given:
                 first = given.pop(0)
-                who = None if first == "all" else int(first)
+                who = None if first == "all" else self._unit(first)
             self._device.faults.start(word, who, amount=float(given[0]) if amount and given else None)
             return "ok"
 
@@ -102,14 +102,21 @@ class Console:
         return Command(" ".join(usage), f"{meaning}; ID: {spans(numbers)}" if chosen else meaning, run)
 
     def _heal(self, words: list[str]) -> str:
-        self._device.faults.stop(who=int(words[0]) if words else None)
+        self._device.faults.stop(who=self._unit(words[0]) if words else None)
         return "ok"
+
+    def _unit(self, word: str) -> int:
+        """The number of a unit of the robot.  Raises UnknownRequest if it has none of that number."""
+        number, numbers = int(word), self._device.numbers()
+        if numbers and number not in numbers:
+            raise UnknownRequest(f"there is no {number}: say one of {spans(numbers)}")
+        return number
 
     def _power(self, words: list[str]) -> str:
         switch = {"on": self._device.power_on, "off": self._device.power_off}.get(words[0])
         if switch is None:
             raise UnknownRequest(f"power {words[0]}: say on or off")
-        switch(self._endpoint.clock(), int(words[1]) if len(words) > 1 else None)
+        switch(self._endpoint.clock(), self._unit(words[1]) if len(words) > 1 else None)
         return "ok"
 
     def _log(self, words: list[str]) -> str:

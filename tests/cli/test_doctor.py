@@ -319,16 +319,19 @@ def served_report(path: Path, events: list[dict[str, object]], **told: object) -
 
 
 @pytest.mark.parametrize(
-    ("missing", "verdict", "hint"),
+    ("missing", "load", "verdict", "hint"),
     [
-        ("once", "ok", ": up to 1 % is normal"),
-        ("4 times", "note", ": check its cable and supply"),
-        ("40 times", "bad", ": check its cable and supply"),
+        ("once", 0.1, "ok", ": up to 1 % is normal"),
+        ("4 times", 0.1, "note", ": check its cable and supply"),
+        ("40 times", 0.1, "bad", ": check its cable and supply"),
+        ("40 times", 9.04, "note", ": this machine is busy (load 9.0 on 2 processors): look again when it is idle"),
     ],
 )
 def test_missing_answers_are_judged_by_their_share(
-    tmp_path: Path, missing: str, verdict: str, hint: str
+    tmp_path: Path, missing: str, load: float, verdict: str, hint: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("os.getloadavg", lambda: (load, load, load))
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
     rows, count = [], 1 if missing == "once" else int(missing.split()[0])
     for number in range(201):
         rows.append([8.0 + number / 100, ">", READ])

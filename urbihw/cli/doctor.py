@@ -29,7 +29,7 @@ from urbihw.cli.scan_ports import adapter_name
 from urbihw.cli.tracing import traffic_of
 from urbihw.cli.urls import check_url
 from urbihw.exitcodes import EX_CONFIG
-from urbihw.extras import install_command, required_packages
+from urbihw.extras import required_packages
 
 LATENCY: Final = Path("/sys/bus/usb-serial/devices")
 _MEASURED: Final = {"serial", "pipe", "socket"}
@@ -125,17 +125,22 @@ def python(found: tuple[int, int]) -> Iterable[ReportLine]:
 
 def packages(version_of: Callable[[str], str], wheel: str) -> Iterable[ReportLine]:
     """Check which required packages and which extras of a wheel are installed."""
+    there, absent = [], []
     for name, _, extra in required_packages(wheel):
         if extra in ("dev", "all"):
             continue
         try:
-            yield ReportLine("ok", f"{name} {version_of(name)}")
+            there.append(f"{name} {version_of(name)}")
         except PackageNotFoundError:
             if extra:
-                how = install_command(extra, wheel=wheel)
-                yield ReportLine("note", f"{name} is not installed; for what needs it: {how}")
+                absent.append(f"{name} (extra {extra})")
             else:
                 yield ReportLine("bad", f"{name} is missing: pip install {name}")
+    if there:
+        yield ReportLine("ok", f"packages of {wheel}: {', '.join(there)}")
+    if absent:
+        # What needs one of them says so, and how to install it.
+        yield ReportLine("ok", f"not installed, and not needed by every robot: {', '.join(absent)}")
 
 
 def robots(folders: Iterable[platforms.PlatformFolder]) -> Iterable[ReportLine]:

@@ -40,8 +40,8 @@ def run(options: argparse.Namespace) -> int:
             link.read_banner()
             require_joints(link)
             if not options.names:
-                print(one_line(link.ask('"motions: %s; poses: %s" % [robot.motions.join(" "), robot.poses.join(" ")]')
-                               .shown.strip('"')))
+                told = [_names(link, kind) for kind in ("motions", "poses")]
+                print("; ".join(filter(None, told)) or "no motion and no pose is kept yet: urbihw teach records them")
                 return EX_OK
             how = link.ask(statement(options), LONGEST_S, show_warning).shown.strip('"')
             if how != "finished":
@@ -54,6 +54,12 @@ def run(options: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         return INTERRUPTED
     return EX_OK
+
+
+def _names(link: LobbyClient, kind: str) -> str:
+    """The names of the motions or poses that the robot has, as `motions: bow wave`; "" for none."""
+    names = one_line(link.ask(f'robot.{kind}.join(" ")').shown.strip('"'))
+    return names and f"{kind}: {names}"
 
 
 def statement(options: argparse.Namespace) -> str:

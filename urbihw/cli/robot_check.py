@@ -6,6 +6,7 @@ is opened, and its servos are pinged and read; nothing is written.
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -188,6 +189,9 @@ def _read_often(line: ServoLine, servo: SurveyedServo) -> int:
     return bus.counters.retried
 
 
+_CABLE: Final = ": check its cable and supply"
+
+
 def _describe(report: BusReport, meter: BusMeter, cycles: float, how: str) -> None:
     """Add what a meter has measured of bytes and times."""
     times = meter.turnarounds()
@@ -210,6 +214,14 @@ def _describe(report: BusReport, meter: BusMeter, cycles: float, how: str) -> No
             report.findings.append(ReportLine("ok", text))
 
 
+def _silence_hint() -> str:
+    """What to do about answers that are missing: on a machine with more work than processors they may only be late."""
+    load, processors = os.getloadavg()[0], os.cpu_count() or 1
+    if load <= processors:
+        return _CABLE
+    return f": this machine is busy (load {load:.1f} on {processors} processors): look again when it is idle"
+
+
 def _error_findings(meter: BusMeter, cycles: float, lost: Collection[str], retries: int = 0) -> Iterator[ReportLine]:
     """What went wrong on the wire, judged as by ``urbihw health``; the caller reports devices that are `lost`."""
     silent = {device: count for device, count in meter.silent.items() if device not in lost}
@@ -218,7 +230,9 @@ def _error_findings(meter: BusMeter, cycles: float, lost: Collection[str], retri
         level = error_level("timeouts", sum(silent.values()), cycles)
         times = {device: "once" if count == 1 else f"{count} times" for device, count in silent.items()}
         which = ", ".join(f"{device} ({often})" for device, often in times.items())
-        hint = ": check its cable and supply" if level else _NORMAL
+        hint = _silence_hint() if level else _NORMAL
+        if level and hint is not _CABLE:
+            level = Level.WARNING  # a machine that has no time for its worker says nothing about a cable
         yield ReportLine(_VERDICTS[level], f"no answer {among} from {which}{hint}")
     if meter.damaged:
         level = error_level("damaged", meter.damaged, cycles)

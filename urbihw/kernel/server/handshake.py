@@ -3,7 +3,8 @@
 A web page can make a browser on this machine send bytes to 127.0.0.1, and the request line in front of them (``POST /
 HTTP/1.1``) would be skipped as a syntax error.  So a connection that begins like another protocol is closed before any
 of its input is evaluated.  A web page controls the path and what follows, but never the first bytes: they are a method
-and a blank, or the first record of TLS, STUN or SSH.
+and a blank, or the first record of TLS, STUN or SSH.  Mail, FTP, IRC and Redis are refused for the same reason: a
+program that was led to this port by mistake must not move a robot.
 
 Each connection has a ``Handshake``, which gets the bytes until it accepts them or raises ``HandshakeRefusal``.  It has
 no access to the socket.  ``PlainHandshake`` is the one of a port without authentication.
@@ -104,7 +105,17 @@ _METHODS: Final = frozenset(
 _TOKEN: Final = re.compile(rb"[!#-'*+\-.^_`|~0-9A-Za-z]+")
 _TARGET: Final = re.compile(rb"/[^ \r\n]*|\*|[A-Za-z][A-Za-z0-9+.\-]*://[^ \r\n]*")
 _TARGET_SO_FAR: Final = re.compile(rb"(/[^ \r\n]*|\*|[A-Za-z][A-Za-z0-9+.\-]*(:(/(/[^ \r\n]*)?)?)?)?")
-_VERSION: Final = b"HTTP/"
+_VERSION: Final = re.compile(rb"[A-Za-z]{2,10}/[0-9].*", re.DOTALL)
+"""The end of a request line: HTTP, in any case of letters, RTSP and SIP."""
+_VERSION_SO_FAR: Final = re.compile(rb"[A-Za-z]{0,10}|[A-Za-z]{2,10}/")
+_COMMANDS: Final = frozenset(b"HELO EHLO LHLO MAIL RCPT USER PASS NICK CAP JOIN".split())
+"""First words of SMTP (RFC 5321), LMTP (RFC 2033), FTP (RFC 959), POP3 and IRC, of which each is followed by a blank and
+a word: that is no statement of urbiscript."""
+_ARGUMENT: Final = re.compile(rb"#|(?!(?:in|and|or|xor|bit|not_eq)\w*\b)\w+\b(?=.)", re.DOTALL)
+"""The word behind one of them, when it is complete; a word that is an operator of urbiscript is none."""
+_ARGUMENT_SO_FAR: Final = re.compile(rb"\w*")
+_REDIS: Final = re.compile(rb"\*[0-9]+\r\n")
+_REDIS_SO_FAR: Final = re.compile(rb"\*[0-9]*\r?")
 _BLANKS: Final = b" \t\r\n\v\f"
 _CONTROLS: Final = {0x00: "a binary protocol such as STUN", 0x04: "SOCKS", 0x05: "SOCKS", 0x16: "TLS"}
 
@@ -145,8 +156,12 @@ def _may_be_request(first: bytes) -> bool:
     if first[0] < 0x20 or first[0] == 0x7F:
         spoken = _CONTROLS.get(first[0], "no text")
         raise HandshakeRefusal(line(f"this is {spoken}; {_EXPLANATION}"), f"it speaks {spoken}")
+    if _REDIS.match(first):
+        raise HandshakeRefusal(line(f"this is Redis; {_EXPLANATION}"), "it speaks Redis")
     method, blank, rest = first.partition(b" ")
     if not blank:
+        if _REDIS_SO_FAR.fullmatch(first):
+            return True
         if method.startswith(b"SSH-") and method[4:5].isdigit():
             raise HandshakeRefusal(line(f"this is SSH; {_EXPLANATION}"), "it speaks SSH")
         return len(method) <= MAX_METHOD_BYTES and _TOKEN.fullmatch(method) is not None
@@ -154,6 +169,10 @@ def _may_be_request(first: bytes) -> bool:
         raise HandshakeRefusal(_HTTP, "it speaks HTTP")
     if method == b"PROXY":
         raise HandshakeRefusal(line(f"this is the PROXY protocol; {_EXPLANATION}"), "it speaks PROXY")
+    if method.upper() in _COMMANDS:
+        if _ARGUMENT.match(rest):
+            raise HandshakeRefusal(line(f"this is mail, FTP or IRC; {_EXPLANATION}"), "it speaks mail, FTP or IRC")
+        return _ARGUMENT_SO_FAR.fullmatch(rest) is not None
     if _TOKEN.fullmatch(method) is None:
         return False
     target, blank, version = rest.partition(b" ")
@@ -161,6 +180,6 @@ def _may_be_request(first: bytes) -> bool:
         return _TARGET_SO_FAR.fullmatch(target) is not None
     if _TARGET.fullmatch(target) is None:
         return False
-    if version.startswith(_VERSION) and version[5:6].isdigit():
+    if _VERSION.fullmatch(version):
         raise HandshakeRefusal(_HTTP, "it speaks HTTP")
-    return len(version) <= len(_VERSION) and _VERSION.startswith(version)
+    return _VERSION_SO_FAR.fullmatch(version) is not None
