@@ -102,7 +102,9 @@ clean:
 
 # The project is installed in place: an edited file needs no new installation, an edited pyproject.toml does.
 .venv/installed: .venv/made pyproject.toml packages/nao/pyproject.toml
+	@echo 'Installing the packages of urbihw into .venv; this takes about a minute.'
 	$(PIP) -e '.[all]' -e packages/nao
+	@echo 'urbihw is in .venv/bin. For urbihw alone, as the pages write it, type in each window: . .venv/bin/activate'
 	@touch $@
 
 .venv/installed-mujoco: .venv/installed

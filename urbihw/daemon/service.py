@@ -45,6 +45,8 @@ from urbihw.robot import ROBOT_LIBRARY
 
 log = logging.getLogger("urbihw.daemon")
 
+SEARCH_PATIENCE_S = 3.0
+"""Seconds of a start without a word to the user."""
 OPEN_TIMEOUT_S = 20.0
 """Maximum seconds to find the robot before the port is served without it; a scan of two protocols with a slow adapter
 takes a few seconds."""
@@ -243,6 +245,10 @@ class DaemonService:
         if reason:
             log.warning("the port is not open yet: %s", reason)
 
+    def _tell_search(self, url: str) -> None:
+        """The search for the devices of the robot takes long enough to be told."""
+        log.info("%s: looking for its devices on %s", self._config.platform, url)
+
     async def _open(self, manifest: Manifest, kind: type[PlatformRobot]) -> None:
         """Open the robot, and wait until it is there, or known to be absent.  Raises DeviceError."""
         self._robot_url = url = await self._fake.url() if self._fake is not None else self._bus_url(manifest)
@@ -263,15 +269,18 @@ class DaemonService:
         self._robot.await_programs()
         self._robot.open(settings, answered)
         self._process.drive()
-        waiting = asyncio.get_running_loop().call_later(
-            PROGRAM_PATIENCE_S, lambda: self._tell_held_start(robot.waits_for())
+        loop = asyncio.get_running_loop()
+        waiting = (
+            loop.call_later(SEARCH_PATIENCE_S, self._tell_search, url),
+            loop.call_later(PROGRAM_PATIENCE_S, lambda: self._tell_held_start(robot.waits_for())),
         )
         try:
             error = await asyncio.wait_for(first, OPEN_TIMEOUT_S)
         except TimeoutError:
             error = NotReady(robot.waits_for() or f"no word from it in {OPEN_TIMEOUT_S:g} s")
         finally:
-            waiting.cancel()
+            for each in waiting:
+                each.cancel()
         self._waits_for_robot = isinstance(error, NotReady)
         if self._waits_for_robot:
             log.warning("waiting for the robot on %s: %s", url, self._explained(str(error)))
