@@ -109,8 +109,8 @@ _VERSION: Final = re.compile(rb"[A-Za-z]{2,10}/[0-9].*", re.DOTALL)
 """The end of a request line: HTTP, in any case of letters, RTSP and SIP."""
 _VERSION_SO_FAR: Final = re.compile(rb"[A-Za-z]{0,10}|[A-Za-z]{2,10}/")
 _COMMANDS: Final = frozenset(b"HELO EHLO LHLO MAIL RCPT USER PASS NICK CAP JOIN".split())
-"""First words of SMTP (RFC 5321), LMTP (RFC 2033), FTP (RFC 959), POP3 and IRC.  A blank and a word follow them: that is
-no statement of urbiscript."""
+"""First words of SMTP (RFC 5321), LMTP (RFC 2033), FTP (RFC 959), POP3 and IRC.  A blank and a word follow them, which
+is no statement of urbiscript."""
 _ARGUMENT: Final = re.compile(rb"#|(?!(?:in|and|or|xor|bit|not_eq)\w*\b)\w+\b(?=.)", re.DOTALL)
 """The word behind one of them, when it is complete.  Operators of urbiscript do not count."""
 _ARGUMENT_SO_FAR: Final = re.compile(rb"\w*")
