@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from nxt_lab import Lab
-from random_programs import INF, TICK, Plant, Program, between, course, either_way, setter, steps
+from nxt_lab import MOTION, Lab
+from random_programs import INF, TICK, Limit, Plant, Program, Push, between, course, either_way, setter, steps
 
 from urbihw_fakes.nxt.tribot import TriBot
 
@@ -38,4 +38,6 @@ def plant() -> Plant:
         end=lambda lab: lab.end,
         device=lambda lab: lab.device,
         units={"A": None},
+        others=tuple(Push(other.go, {0: 8.0, 1: 8.0, 2: 8.0}) for other in MOTION.others.values()),
+        limits={part: Limit(port, 30, unit=8.0 / 50) for port, part in (("A", 0), ("B", 1), ("C", 2))},
     )

@@ -7,11 +7,10 @@ from typing import Any
 
 import pytest
 from chain_lab import Lab
+from servo_hands import body_of
 
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import RobotSettings
-from urbihw_fakes.dynamixel.xseries import XSeries
-from urbihw_fakes.feetech.servo import FeetechServo
 
 MARGIN = 1.1
 """A body may be so much faster than told."""
@@ -58,7 +57,7 @@ class Chain(Lab):
 
     def bodies(self) -> list[Any]:
         """What turns of each servo: with ``held``, and ``load`` where the fake has forces."""
-        return [unit.motor if isinstance(unit, XSeries | FeetechServo) else unit for unit in self.kit]
+        return [body_of(unit) for unit in self.kit]
 
 
 @pytest.mark.parametrize("chain", CHAINS)
