@@ -171,12 +171,21 @@ class SetPoints:
 
     def _rein(self, key: Key, course: _Course, now: float) -> bool:
         """Take the set point of a joint back to what it can follow; return whether the joint is on its way."""
-        if key not in self._under_way:
-            bounds = self._converter.reach(*key, self._pace(key, course), now)
-            if bounds is None or math.isnan(bounds[0]) or bounds[0] <= course.given <= bounds[1]:
-                return False
-            course.given = min(max(course.given, bounds[0]), bounds[1])
-            self._set_under_way(key, now)
+        if key in self._under_way:
+            return True
+        if math.isnan(course.given):
+            # It stands since its device came back: what was asked before is over.
+            return False
+        place, pace = self._converter.pose(*key), self._pace(key, course)
+        bounds = self._converter.reach(*key, pace, now)
+        if bounds is None:
+            # Nothing tells how far its goal may be ahead: it was sent there at once, and is not there yet.
+            far = pace * LIVE_TIMEOUT_S
+            bounds = (math.nan, math.nan) if place is None else (place - far, place + far)
+        if math.isnan(bounds[0]) or bounds[0] <= course.given <= bounds[1]:
+            return False
+        course.given = min(max(course.given, bounds[0]), bounds[1])
+        self._set_under_way(key, now)
         return True
 
     def _pace(self, key: Key, course: _Course) -> float:
