@@ -11,12 +11,15 @@ from urbihw.buses.messages import Limit, Limited
 from urbihw.buses.setpoints import CATCH_UP_S, LIVE_TIMEOUT_S, LONGEST_STEP_S, Key, SetPoints
 
 KEY: Key = (6, "goal_position")
+SPEED: Key = (6, "goal_velocity")
 WHEEL: Key = (7, "moving_speed")
 TICK = 0.01
 
 
 class Rig:
     """Set-points over devices whose places a test says; time goes on by ticks."""
+
+    exclusive = frozenset({"goal_position", "goal_velocity"})
 
     def __init__(self) -> None:
         self.places: dict[Key, float] = {KEY: 512.0}
@@ -316,6 +319,16 @@ def test_new_limits_move_no_joint_that_stands_since_its_device_came_back(rig: Ri
     for rate in (500.0, math.inf, 200.0):
         rig.points.set_limits({KEY: Limit(rate=rate)}, rig.now)
         assert rig.steps(0.5) == []
+
+
+def test_a_speed_ends_the_way_to_a_place(rig: Rig) -> None:
+    rig.points.set_limits({KEY: Limit(rate=1000.0)}, rig.now)
+    rig.take(900)
+    assert len(rig.steps(0.1)) > 5
+    assert rig.take(0, SPEED) == 0
+    assert rig.steps(0.5) == []
+    rig.points.set_limits({KEY: Limit(rate=500.0)}, rig.now)
+    assert rig.steps(0.5) == []
 
 
 def test_a_new_limit_acts_on_a_joint_that_is_on_its_way(rig: Rig) -> None:

@@ -130,6 +130,7 @@ class Fate:
         trial = self.trial
         trial.note("the kernel stands still")
         self.later(DEAD_MAN + 2 * TICK, lambda: trial.model.stop(trial.now()))
+        trial.model.delay(DEAD_MAN + 2 * TICK)
         trial.silence(3.0)
         trial.note("the kernel goes on")
 

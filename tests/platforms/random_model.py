@@ -30,13 +30,14 @@ class Asker:
     ends: float
     over: float = INF
     frozen: float = INF
+    stretch: float = 1.0
 
     def asks(self, now: float) -> bool:
         """Whether it may still move its parts."""
         if self.over < INF:
-            return now < self.over + self.program.tail
+            return now < self.over + self.program.tail * self.stretch
         if self.frozen < INF and not self.program.steered:
-            return now < self.frozen + LATE + self.program.tail
+            return now < self.frozen + LATE + self.program.tail * self.stretch
         return True
 
     def peak(self, part: int, now: float, alone: bool) -> float:
@@ -79,6 +80,7 @@ class Model:
                 other.owners.add(made.client)
                 if other.over == INF:
                     made.owners.add(other.client)
+        self.slow_down(made)
         self.askers.append(made)
         if not made.program.lasts:
             made.over = now + LATE
@@ -156,6 +158,13 @@ class Model:
         """The settings have another limit now."""
         self.last_bounds[part] = now, self.bounds.get(part, INF)
         self.bounds[part] = most
+        for one in self.askers:
+            self.slow_down(one)
+
+    def slow_down(self, one: Asker) -> None:
+        """A joint that a limit slows down is longer on its way."""
+        slower = (most / self.bounds.get(part, INF) for part, most in one.program.parts.items() if most < INF)
+        one.stretch = max(one.stretch, *slower, 1.0)
 
     def bound(self, part: int, now: float) -> float:
         """The limit that holds for a part, or did a short time ago."""

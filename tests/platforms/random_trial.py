@@ -161,6 +161,8 @@ class Trial(Scene):
                     self.unbind(part, now)
                     continue
                 most = FASTER * most + self.plant.more[part]
+                if part in self.stays and now < self.free_since[part] + 2 * SPAN:
+                    most = max(most, LEAP / SPAN)
                 self.fastest_share = max(self.fastest_share, abs(speeds[part]) / most)
                 self.holds(abs(speeds[part]) <= most, f"part {part} at {speeds[part]:.3f}, asked at most {most:.3f}")
                 self.check_part(part, now, speeds[part], place, now < self.clear_at[device])
@@ -232,6 +234,8 @@ class Trial(Scene):
 
     def pushed(self, push: Push) -> None:
         """Another master moves the robot: while an emergency stop holds, that is noticed."""
+        for part in push.parts:
+            self.unbind(part, self.now())
         if self.model.latched:
             self.excused |= dict.fromkeys(push.parts, self.now() + NOTICED)
             self.unnoticed.append((self.now() + NOTICED, push))

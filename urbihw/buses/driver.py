@@ -60,6 +60,8 @@ class Driver:
         identity: what tells the robot that `attach` has found from others of its kind, such as its serial number; "" if
             nothing does. The engine stops everything when another robot answers than the last time.
         quantities: item -> what it measures, for `reading`.
+        exclusive: items of a device of which the one that is written last counts: a motor goes to a place, or turns at
+            a speed. What was asked of the others before is over.
     """
 
     slow_verbs: frozenset[str] = frozenset()
@@ -71,6 +73,7 @@ class Driver:
     device_info: type | None = None
     identity: str = ""
     quantities: Mapping[str, Quantity] = {}
+    exclusive: frozenset[str] = frozenset()
 
     def configure(self, settings: Configure) -> None:
         """Apply settings.  Raises BadValue, BadSetting."""

@@ -98,7 +98,14 @@ def _step(given: float, asked: float, far: float, bounds: tuple[float, float] | 
 
 
 class TargetConverter(Protocol):
-    """The part of a driver that set points use: positions, and conversion of targets."""
+    """The part of a driver that set points use: positions, and conversion of targets.
+
+    Attributes:
+        exclusive: items of a device of which the one that is written last counts.
+    """
+
+    @property
+    def exclusive(self) -> Collection[str]: ...
 
     def pose(self, device: Any, item: str) -> float | None:
         """Return the position of the device in the unit of the target, nan while it is unknown.
@@ -201,10 +208,19 @@ class SetPoints:
         """Drop the courses of the robot, or of some devices, which were stopped."""
         for key in (*self._courses, *self._led):
             if devices is None or key[0] in devices:
-                self._courses.pop(key, None)
-                self._under_way.pop(key, None)
-                self._paced.pop(key, None)
-                self._led.pop(key, None)
+                self._drop(key)
+
+    def _drop(self, key: Key) -> None:
+        self._courses.pop(key, None)
+        self._under_way.pop(key, None)
+        self._paced.pop(key, None)
+        self._led.pop(key, None)
+
+    def _drop_rivals(self, key: Key) -> None:
+        """A motor that was on its way to a place and now turns at a speed does not go on to that place."""
+        for item in self._converter.exclusive:
+            if item != key[1]:
+                self._drop((key[0], item))
 
     def accept_targets(
         self,
@@ -225,6 +241,8 @@ class SetPoints:
             if raw.__class__ is bool or not isinstance(raw, int | float) or math.isnan(raw):
                 given[key] = raw
                 continue
+            if key[1] in self._converter.exclusive:
+                self._drop_rivals(key)
             course = self._courses.get(key)
             if course is None:
                 course = self._courses[key] = _Course()
