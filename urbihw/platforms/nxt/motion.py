@@ -101,6 +101,9 @@ class NxtMotion:
                 yield from self._play_sound(item, value, now)
             else:
                 self._goals.pop(device, None)
+                if not value:
+                    # Another program may run a motor that stands for us.
+                    self._powers.pop(device, None)
                 yield from self._set_power(device, value if item == "power" else None)
         if now >= self._renew_at and self._long_tone is not None:
             yield self._play_tone(*self._long_tone, now)
