@@ -254,6 +254,20 @@ def test_limits_that_are_reloaded_act_on_what_moves_already() -> None:
     assert lab.number("motor3.applied") == pytest.approx(-1.0, abs=0.03)
 
 
+@pytest.mark.parametrize("estop", [False, True])
+@pytest.mark.parametrize("chain", CHAINS)
+def test_a_joint_that_becomes_a_wheel_stands_until_it_gets_a_speed(chain: str, estop: bool) -> None:
+    lab = Chain.ready(chain, limits={"speed": 1.0})
+    lab.say_all("motor#.load = 1|; motor#.val = 0.2|;", 1.0)
+    if estop:
+        lab.look("chain.estop = true")
+        lab.run(0.3)
+    modes = {n: "velocity" if lab.look(f"motor{n}.model").strip('"')[:2] == "X" else "wheel" for n in lab.numbers}
+    heard = lab.say(" ".join(f'motor{n}.mode = "{mode}"|;' for n, mode in modes.items()))
+    most = lab.fastest(1.5)
+    assert all(speed <= GRAIN for speed in most.values()), (most, heard)
+
+
 @pytest.mark.parametrize("go", ["motor#.val = 0.9|;", "motor#.val = 0.9 speed:0.5,"])
 @pytest.mark.parametrize("chain", CHAINS)
 def test_what_blocks_a_joint_is_told(chain: str, go: str) -> None:

@@ -176,6 +176,13 @@ class Driver:
         """Return why a request cannot be held within these limits, so that it is refused; "" if it can."""
         return ""
 
+    def rests(self, request: Request, item: str, value: Any) -> bool:
+        """Whether this write of several lets the device stand in the mode that the others select: no limit changes it.
+
+        In the mode before, the same value may stand for the greatest speed.
+        """
+        return False
+
     def leaves_place(self, request: Request) -> bool:
         """Whether the device may be elsewhere than at its last target after this request: its torque was off."""
         return False

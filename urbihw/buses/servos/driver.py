@@ -51,7 +51,7 @@ from urbihw.buses.servos.stop import (
     stop_what_moves,
 )
 from urbihw.buses.servos.toss import enter_toss_mode, has_toss_speed, request_toss_mode
-from urbihw.buses.servos.unheld import check_line, explain_target, explain_writes, leaves_place
+from urbihw.buses.servos.unheld import check_line, explain_target, explain_writes, is_speed_after, leaves_place
 from urbihw.buses.servos.units import unit_of
 
 # Seconds between scans of a bus without devices (robot switched off?); a scan writes nothing.
@@ -279,6 +279,11 @@ class ServoDriver(Driver):
         if member is None:
             return ""
         return explain_writes(member, _steps_of(request), request.verb == "write", limits)
+
+    def rests(self, request: Request, item: str, value: Any) -> bool:
+        """A speed of 0 behind the writes that make a wheel of a joint; for a joint that is its full speed."""
+        member = self._table_member(request.device)
+        return member is not None and not value and is_speed_after(member, _steps_of(request), item)
 
     def leaves_place(self, request: Request) -> bool:
         """Torque, mode, restart and the end of an effort of 0; until then its goal is where it was sent last."""
