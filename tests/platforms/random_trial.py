@@ -92,6 +92,7 @@ class Trial(Scene):
         self.free_since = dict.fromkeys(self.parts, -START)
         self.stays: dict[int, float] = {}
         self.excused: dict[int, float] = {}
+        self.pushed_at: dict[int, float] = {}
         self.unnoticed: list[tuple[float, Push]] = []
         self.sick_at = -INF
         self.before = dict.fromkeys(self.parts, INF)
@@ -228,14 +229,15 @@ class Trial(Scene):
         if self.model.latched:
             self.stays[part] = self.motion.look(self.lab)[1][part]
         else:
-            # What cannot be read or written cannot be led either.
-            blind = self.sick_at >= grip.since
+            # What cannot be read or written cannot be led either, and the goals of another master are not known.
+            blind = max(self.sick_at, self.pushed_at.get(part, -INF)) >= grip.since
             self.model.let_go(part, INF if blind else grip.hand.springs, now)
 
     def pushed(self, push: Push) -> None:
         """Another master moves the robot: while an emergency stop holds, that is noticed."""
         for part in push.parts:
             self.unbind(part, self.now())
+            self.pushed_at[part] = self.now() + (push.lasts if push.lasts < INF else 0.0)
         if self.model.latched:
             self.excused |= dict.fromkeys(push.parts, self.now() + NOTICED)
             self.unnoticed.append((self.now() + NOTICED, push))

@@ -372,6 +372,13 @@ class SetPoints:
                 del self._under_way[key]
         return given
 
+    def paces(self, keys: Iterable[Key]) -> Mapping[Key, float]:
+        """Return the highest speeds with which targets are to be reached, of those that are bounded, in counts/s."""
+        if not self._limited and not self._paced:
+            return _NO_RATES
+        paces = ((key, self._pace(key, self._courses.get(key, _NO_COURSE))) for key in keys)
+        return {key: pace for key, pace in paces if pace < math.inf}
+
     def pop_limited(self) -> list[Limited]:
         """Return the changes that limits made to targets since the last call."""
         news, self._news = self._news, []
