@@ -110,7 +110,10 @@ class ServoDriver(Driver):
         return self._options.ids or None
 
     def expect_devices(self, devices: tuple[Any, ...]) -> None:
-        """Scan for the devices of an earlier worker only: this takes less time than scanning all ids."""
+        """Scan for the devices of an earlier worker only: this takes less time than scanning all ids.
+
+        One that does not answer then is lost, not forgotten.
+        """
         self._expected = tuple(device.id for device in devices if isinstance(device, DeviceInfo))
 
     def attach(self, port: Port) -> list[FromWorker]:
@@ -150,7 +153,7 @@ class ServoDriver(Driver):
     def _absent_devices(self, bus: ServoBus, outcome: ServoScan) -> list[ServoDevice]:
         """Return the devices that are known or expected and did not answer to a scan, and those that it could not read:
         they are found when they answer."""
-        expected = {*self._options.ids, *(each.id for each in self._settings.expected), *self._unread}
+        expected = {*self._options.ids, *(each.id for each in self._settings.expected), *self._unread, *self._expected}
         wanted = {
             number: ServoDevice(number, 0, 0, bus.protocol_of(number)) for number in sorted(expected)
         } | self._known
@@ -319,6 +322,9 @@ class ServoDriver(Driver):
         member = None if self._cycle is None else self._cycle.members.get(device)
         if item != GOAL or member is None:
             return None
+        if member.device.table is None:
+            # It was expected, and has not told yet what it is.
+            return math.nan, math.nan
         return member.reach(pace, self._options.push, now)
 
     def joints(self) -> Iterable[tuple[Any, str]]:
