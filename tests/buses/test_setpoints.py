@@ -11,12 +11,15 @@ from urbihw.buses.messages import Limit, Limited
 from urbihw.buses.setpoints import CATCH_UP_S, LIVE_TIMEOUT_S, LONGEST_STEP_S, Key, SetPoints
 
 KEY: Key = (6, "goal_position")
+SPEED: Key = (6, "goal_velocity")
 WHEEL: Key = (7, "moving_speed")
 TICK = 0.01
 
 
 class Rig:
     """Set-points over devices whose places a test says; time goes on by ticks."""
+
+    exclusive = frozenset({"goal_position", "goal_velocity"})
 
     def __init__(self) -> None:
         self.places: dict[Key, float] = {KEY: 512.0}
@@ -303,6 +306,45 @@ def test_a_movement_whose_device_is_back_waits_for_its_position(rig: Rig) -> Non
     assert rig.take(420) is None
     given = rig.steps(0.2)
     assert min(given) >= 400 and max(given) == 420 == given[-1]
+
+
+def test_new_limits_move_no_joint_that_stands_since_its_device_came_back(rig: Rig) -> None:
+    rig.leash = 20.0
+    rig.points.set_limits({KEY: Limit(rate=1000.0)}, rig.now)
+    rig.take(900)
+    rig.steps(0.1)
+    rig.now += LIVE_TIMEOUT_S + 0.1
+    rig.points.resume_courses(KEY[0], rig.now)
+    assert rig.steps(0.5) == []
+    for rate in (500.0, math.inf, 200.0):
+        rig.points.set_limits({KEY: Limit(rate=rate)}, rig.now)
+        assert rig.steps(0.5) == []
+
+
+def test_a_speed_ends_the_way_to_a_place(rig: Rig) -> None:
+    rig.points.set_limits({KEY: Limit(rate=1000.0)}, rig.now)
+    rig.take(900)
+    assert len(rig.steps(0.1)) > 5
+    assert rig.take(0, SPEED) == 0
+    assert rig.steps(0.5) == []
+    rig.points.set_limits({KEY: Limit(rate=500.0)}, rig.now)
+    assert rig.steps(0.5) == []
+
+
+def test_a_new_limit_acts_on_a_joint_that_is_on_its_way(rig: Rig) -> None:
+    assert rig.take(900) == 900
+    rig.places[KEY] = 550.0
+    assert rig.points.set_limits({KEY: Limit(rate=100.0)}, rig.now) == {}
+    way = rig.steps(1.0)
+    assert 550 <= way[0] <= 550 + 100 * LIVE_TIMEOUT_S + 1
+    assert way[-1] == pytest.approx(way[0] + 100, abs=3)
+    # One that has arrived stays.
+    rig.points.drop_courses()
+    assert rig.take(700) is None
+    rig.steps(9.0)
+    rig.places[KEY] = 699.0
+    rig.points.set_limits({KEY: Limit(rate=90.0)}, rig.now)
+    assert rig.steps(0.5) == []
 
 
 def test_a_wait_for_a_position_ends_with_its_writer_when_the_device_comes_back(rig: Rig) -> None:

@@ -2,8 +2,25 @@
 
 from __future__ import annotations
 
-from bioloid_lab import BAUD, Lab
-from random_programs import INF, LATE, TICK, Plant, Program, between, course, either_way, ramp, setter, steps
+import math
+
+from bioloid_lab import BAUD, MOTION, Lab
+from random_programs import (
+    INF,
+    LATE,
+    TICK,
+    Limit,
+    Plant,
+    Program,
+    Push,
+    between,
+    course,
+    either_way,
+    ramp,
+    setter,
+    steps,
+)
+from servo_hands import hand_at
 
 from urbihw_fakes.bioloid import Bioloid
 
@@ -46,4 +63,10 @@ def plant() -> Plant:
         end=lambda lab: lab.end,
         device=lambda lab: lab.kit,
         units={6: 6, 7: 7, 8: 8},
+        hands={number: hand_at(number, math.radians(150), springs) for number, springs in ((6, JOINT), (8, _OTHER))},
+        others=(
+            Push(MOTION.others["joint"].go, {0: JOINT}, _WAY),
+            Push(MOTION.others["wheel"].go, {1: 2.4}),
+        ),
+        limits={0: Limit("motor6", 1.0), 1: Limit("motor7", 2.0), 2: Limit("motor8", 1.2)},
     )

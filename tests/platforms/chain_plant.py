@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from chain_lab import Lab
-from random_programs import INF, LATE, TICK, Plant, Program, between, course, either_way, setter
+from chain_lab import MOTION, Lab
+from random_programs import INF, LATE, TICK, Limit, Plant, Program, Push, between, course, either_way, setter
+from servo_hands import hand_at
 
 JOINT = 1.5
 """rad/s of a joint on its way to a goal."""
@@ -40,4 +41,7 @@ def plant() -> Plant:
         end=lambda lab: lab.end,
         device=lambda lab: lab.kit,
         units={1: 1, 3: 3, 4: 4},
+        hands={1: hand_at(1, 0.0, JOINT), 4: hand_at(4, 0.0)},
+        others=(Push(MOTION.others["X wheel"].go, {1: 2.5}),),
+        limits={0: Limit("motor1", 1.0), 1: Limit("motor3", 2.0), 2: Limit("motor4", 1.2)},
     )

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from random import Random
 
-from cia402_lab import LivingLab
-from random_programs import INF, TICK, Plant, Program, course, setter, steps
+from cia402_lab import MOTION, LivingLab
+from random_programs import INF, TICK, Limit, Plant, Program, Push, course, setter, steps
 
 
 class _Drives(LivingLab):
@@ -38,6 +38,8 @@ def plant() -> Plant:
         end=lambda lab: lab.end,
         device=lambda lab: lab.device,
         units={5: None},
+        others=(Push(MOTION.others["drive that is on"].go, {0: 6.3}),),
+        limits={0: Limit("drive5", 4.0)},
         drift=0.02,
         # What is damaged on a CAN bus is lost.
         garbage=("silence",),

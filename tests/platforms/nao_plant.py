@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from nao_lab import Lab
-from random_programs import INF, LATE, Plant, Program, between, course, either_way, ramp, setter, steps
+from nao_lab import MOTION, Lab
+from random_programs import INF, LATE, Limit, Plant, Program, Push, between, course, either_way, ramp, setter, steps
 
 YAW, PITCH, SHOULDER, WALK, TURN = 0, 1, 2, 26, 27
 """Parts of the body."""
@@ -41,6 +41,16 @@ def plant() -> Plant:
         end=lambda lab: lab.end,
         device=lambda lab: lab.device,
         units={"HeadYaw": None},
+        others=(
+            Push(MOTION.others["joint"].go, {YAW: HEAD}, 4.0),
+            Push(MOTION.others["walk"].go, {WALK: 0.13, TURN: 0.65}),
+        ),
+        limits={
+            YAW: Limit("HeadYaw", 2.0),
+            PITCH: Limit("HeadPitch", 2.0),
+            WALK: Limit("walk", 0.06),
+            TURN: Limit("walk", 0.3, "turn"),
+        },
         drift=0.02,
         # The last byte of an answer cannot be wrong: TCP has a sum of its own.
         garbage=("noise", "cut", "raw"),

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from nxt_lab import Lab
-from random_programs import INF, TICK, Plant, Program, between, course, either_way, setter, steps
+from random_programs import INF, TICK, Limit, Plant, Program, Push, between, course, either_way, setter, steps
 
 from urbihw_fakes.nxt.tribot import TriBot
 
 
 class _Nxt(Lab):
     tick = TICK
+
+
+def _run_wheels(lab: Lab) -> None:
+    """Another computer at the brick; it leaves the claw alone, whose goals would be far away then."""
+    for port in "AC":
+        lab.brick.motor(port).set_output(50, 1, 0, 0, 0x20, 0)
 
 
 def plant() -> Plant:
@@ -38,4 +44,6 @@ def plant() -> Plant:
         end=lambda lab: lab.end,
         device=lambda lab: lab.device,
         units={"A": None},
+        others=(Push(_run_wheels, {0: 8.0, 2: 8.0}),),
+        limits={part: Limit(port, 30, unit=8.0 / 50) for port, part in (("A", 0), ("B", 1), ("C", 2))},
     )

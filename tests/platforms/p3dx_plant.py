@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from p3dx_lab import BAUD, Lab
-from random_programs import Plant, base_recipes
+from p3dx_lab import BAUD, MOTION, Lab
+from random_programs import Limit, Plant, Push, base_recipes
 
 from urbihw_fakes.p3dx.kit import P3dx
 from urbihw_fakes.p3dx.world import World, box
@@ -27,4 +27,6 @@ def plant() -> Plant:
         end=lambda lab: lab.robot_line.end,
         device=lambda lab: lab.kit.robot,
         units={"robot": None},
+        others=tuple(Push(other.go, {0: 0.3}) for other in MOTION.others.values()),
+        limits={0: Limit("robot", 0.2), 1: Limit("robot", 0.3, "turn")},
     )

@@ -35,7 +35,8 @@ class Program:
         tail: seconds for which a part may go on moving after its last write: a joint to its goal, a wheel for ever.
         rests: what ends by itself leaves nothing that moves.
         begins: greatest speed in the first ``LEAD`` seconds, on the way to where a course begins.
-        form: "plain", "tagged", "at" (a body for the event ``trip``), or "load" (a file).
+        form: "plain", "tagged", "at" (a body for the event ``trip``), "load" (a file); not said by any client: "hand",
+            "other" (another master).
         steered: a job of its own steers it, so that freezing its caller changes nothing.
     """
 
@@ -69,6 +70,53 @@ LEAD = 4.0
 
 
 @dataclass(frozen=True)
+class Hand:
+    """A joint that a hand can hold, turn, and let go.
+
+    Attributes:
+        hold: holds the horn in this lab, or lets it go.
+        turn: turns the horn by an angle, rad.
+        middle: where the body is in the middle of its range, rad.
+        springs: how fast it comes back to a goal without a limit; infinite if only its motor bounds it.
+    """
+
+    hold: Callable[[Any, bool], None]
+    turn: Callable[[Any, float], None]
+    middle: float
+    springs: float = INF
+
+
+@dataclass(frozen=True)
+class Push:
+    """What another master does to the simulated robot.
+
+    Attributes:
+        go: does it.
+        parts: of the body that it moves => the greatest speed.
+        lasts: seconds for which they go on.
+    """
+
+    go: Callable[[Any], None]
+    parts: dict[int, float]
+    lasts: float = INF
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A limit of the settings: of which device, how it is called, and its greatest value that is tried.
+
+    ``unit`` is the speed of the body, rad/s or m/s, at a value of 1; ``grain`` what may come on top of it: a servo is
+    led in steps.
+    """
+
+    device: str
+    most: float
+    name: str = "speed"
+    unit: float = 1.0
+    grain: float = 0.0
+
+
+@dataclass(frozen=True)
 class Plant:
     """A platform, as the random programs see it.
 
@@ -83,6 +131,9 @@ class Plant:
         units: devices => numbers for power and silence at the fake; None for all of it.
         garbage: what may befall the wire: faults of the fake, or bytes from nowhere ("raw").
         drift: how far a part may move without a request, m and rad.
+        hands: joints that a hand can hold, by device; each is one part of the body.
+        others: what another master can do.
+        limits: of the settings, by part of the body.
     """
 
     make: Callable[[], Any]
@@ -97,6 +148,9 @@ class Plant:
     units: dict[Any, int | None] = field(default_factory=dict)
     drift: float = 0.01
     garbage: tuple[str, ...] = ("noise", "checksum", "cut", "raw")
+    hands: dict[Any, Hand] = field(default_factory=dict)
+    others: tuple[Push, ...] = ()
+    limits: dict[int, Limit] = field(default_factory=dict)
 
 
 def setter(slot: str, parts: dict[int, float], values: Callable[[Random], object], tail: float = INF) -> Recipe:

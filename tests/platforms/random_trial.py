@@ -9,158 +9,60 @@ While a device or the link is lost nothing is asked of the body: no order reache
 
 from __future__ import annotations
 
+import math
 import os
 import random
 import re
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
-from motions import Kind, Scene
-from random_programs import INF, LATE, LEAD, TICK, Plant, Program, plant_of
+from lab import START
+from motions import SPAN, Kind, Scene
+from random_model import FASTER, Model
+from random_programs import INF, LATE, TICK, Hand, Plant, Push, plant_of
 from test_motion_contract import motion_of
 
 from urbihw.buses import messages as m
+from urbihw.kernel.uobject import RobotSettings
 
 SEED = int(os.environ.get("URBIHW_SEED", "1"))
-FASTER = 1.1
-"""How much faster than what asks for it a part may be."""
 BACK = 20.0
 """Seconds in which a device or link that works again must be back."""
 UNDER_WAY = 0.1
 """Seconds for which what is on the wire may still make a part faster."""
 _WRONG = re.compile(r"syntax error|lookup failed|unexpected|expected ", re.I)
-FRESH = 0.5
-"""What was written so shortly before a device is back may be what moves it then."""
-
-
-@dataclass(eq=False)
-class Asker:
-    """A statement, and what it leaves behind."""
-
-    program: Program
-    client: int
-    owners: set[int]
-    tag: str
-    born: float
-    ends: float
-    over: float = INF
-    frozen: float = INF
-
-    def asks(self, now: float) -> bool:
-        """Whether it may still move its parts."""
-        if self.over < INF:
-            return now < self.over + self.program.tail
-        if self.frozen < INF and not self.program.steered:
-            return now < self.frozen + LATE + self.program.tail
-        return True
-
-    def peak(self, part: int, now: float, alone: bool) -> float:
-        """The greatest speed that it asks for at a time."""
-        most = self.program.parts[part]
-        return most if alone and now > self.born + LEAD else max(most, self.program.begins)
+DEAD_MAN = 1.5
+"""Seconds of silence that the worker allows, as in life."""
+LEAP = 0.05
+"""How far a joint that is let go during an emergency stop may move, rad."""
+NOTICED = 1.2
+"""Seconds in which a motion of another master is noticed while an emergency stop holds."""
 
 
 @dataclass
-class Model:
-    """Who asks for motion of which part of the body."""
+class Grip:
+    """A hand at a joint: it turns it by ``way`` rad in each tick, for ``ticks``; ``since`` when."""
 
-    askers: list[Asker] = field(default_factory=list)
-    armed: list[Asker] = field(default_factory=list)
-    device_of: dict[int, Any] = field(default_factory=dict)
-    gone: list[tuple[float, Asker]] = field(default_factory=list)
-    latched: bool = False
+    hand: Hand
+    way: float
+    ticks: int
+    since: float
 
-    def begin(self, program: Program, client: int, tag: str, now: float) -> None:
-        """A client says a program."""
-        made = Asker(program, client, {client}, tag, now, now + program.lasts)
-        if program.form == "at":
-            self.armed.append(made)
-        else:
-            self._add(made, now)
+    def turn(self, lab: Any) -> None:
+        """One tick."""
+        if self.ticks:
+            self.ticks -= 1
+            self.hand.turn(lab, self.way)
 
-    def trip(self, now: float) -> None:
-        """The event of each ``at``."""
-        for one in self.armed:
-            body = Asker(one.program, one.client, {one.client}, one.tag, now, now + one.program.lasts)
-            body.frozen = now if one.frozen < INF else INF
-            self._add(body, now)
 
-    def _add(self, made: Asker, now: float) -> None:
-        for other in self.askers:
-            if self.devices(other) & self.devices(made) and other.client != made.client:
-                # The one who wrote last has the device; the model does not know who that will be.
-                other.owners.add(made.client)
-                if other.over == INF:
-                    made.owners.add(other.client)
-        self.askers.append(made)
-        if not made.program.lasts:
-            made.over = now + LATE
-
-    def devices(self, one: Asker) -> set[Any]:
-        """Whom it writes to."""
-        return {self.device_of[part] for part in one.program.parts}
-
-    def pass_time(self, now: float) -> None:
-        """Statements end by themselves; what they moved may go on for a while."""
-        for one in self.askers:
-            if one.over == INF and one.frozen == INF and now > one.ends + LATE:
-                one.over = -INF if one.program.rests else now
-        self._keep(lambda one: one.asks(now), now)
-        self.gone = [(at, one) for at, one in self.gone if now - at <= LEAD]
-
-    def _keep(self, stays: Callable[[Asker], bool], now: float) -> None:
-        self.gone += [(now, one) for one in self.askers if not stays(one)]
-        self.askers = [one for one in self.askers if stays(one)]
-
-    def stop(self, now: float) -> None:
-        """The robot was stopped."""
-        self._keep(lambda one: False, now)
-
-    def stood(self, parts: set[int], now: float) -> None:
-        """Zero was written to some parts."""
-        self._keep(lambda one: one.over == INF or not one.program.parts.keys() <= parts, now)
-
-    def back(self, parts: set[int], now: float) -> None:
-        """A device is back: it holds, but for statements that still go on."""
-        self._keep(lambda one: one.over > now - FRESH or not one.program.parts.keys() & parts, now)
-
-    def closed(self, client: int, now: float) -> None:
-        """A connection ended."""
-        self.armed = [one for one in self.armed if one.client != client]
-        for one in self.askers:
-            one.owners.discard(client)
-            if one.client == client:
-                one.over = min(one.over, now)
-        self._keep(lambda one: bool(one.owners), now)
-
-    def tag_stopped(self, tag: str, now: float) -> None:
-        """Whatever has this tag ended."""
-        self.armed = [one for one in self.armed if one.tag != tag]
-        for one in self.askers:
-            if one.tag == tag:
-                one.over = min(one.over, now)
-
-    def freeze(self, tag: str, now: float, on: bool) -> None:
-        """Whatever has this tag stands still, or goes on."""
-        for one in (*self.askers, *self.armed):
-            if one.tag == tag and on:
-                one.frozen = min(one.frozen, now)
-            elif one.tag == tag and one.frozen < INF:
-                one.ends, one.frozen = one.ends + now - one.frozen, INF
-
-    def asked(self, part: int) -> bool:
-        """Whether anybody asks for motion of a part."""
-        return not self.latched and any(part in one.program.parts for one in self.askers)
-
-    def most(self, part: int, now: float) -> float:
-        """The greatest speed that anybody asks for, or did a short time ago."""
-        all_of = [one for one in (*self.askers, *(old for _, old in self.gone)) if part in one.program.parts]
-        return max((one.peak(part, now, len(all_of) == 1) for one in all_of), default=0.0)
+def _without(part: int, speeds: tuple[float, ...]) -> tuple[float, ...]:
+    """Speeds without that of a part: a hand had it."""
+    return tuple(0.0 if index == part else speed for index, speed in enumerate(speeds))
 
 
 class Trial(Scene):
@@ -184,17 +86,27 @@ class Trial(Scene):
         self.free_at = dict.fromkeys(self.parts, 0.0)
         self.spot: dict[int, tuple[float, ...]] = {}
         self.history: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=round(1 / TICK))
+        self.trail: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=round(SPAN / TICK) + 1)
+        self.grips: dict[int, Grip] = {}
+        self.hands = {self.plant.devices[device][0]: hand for device, hand in self.plant.hands.items()}
+        self.free_since = dict.fromkeys(self.parts, -START)
+        self.stays: dict[int, float] = {}
+        self.excused: dict[int, float] = {}
+        self.pushed_at: dict[int, float] = {}
+        self.unnoticed: list[tuple[float, Push]] = []
+        self.sick_at = -INF
         self.before = dict.fromkeys(self.parts, INF)
         self.came_at = dict.fromkeys(self.parts, 0.0)
         self.count = self.quiet_ticks = 0
+        self.befell: Counter[str] = Counter()
         self.way = 0.0
-        self.slowest_rest = 0.0
+        self.slowest_rest = self.fastest_share = 0.0
         self.checking = False
         super().__init__(motion_of(platform), Kind("", 0.0, make=self.plant.make), folder, [])
         self.lab.robot._handle_message = partial(self.hear, self.lab.robot._handle_message)
         self.control = self.lab.kernel.open_lobby()
         self.clients = {0: self.lab.lobby, 1: self.lab.observer}
-        self.watch_master()
+        self.set_limits(dict.fromkeys(list(self.plant.limits)[::2], 1.0))
         self.tell(self.control, f"var Global.trip = Event.new|; {self.plant.setup}")
         self.run(2.0)
         self.checking = True
@@ -207,18 +119,33 @@ class Trial(Scene):
         for when, action in [entry for entry in self.due if entry[0] <= now]:
             self.due.remove((when, action))
             action()
+        for grip in self.grips.values():
+            grip.turn(self.lab)
         self.lab.step()
         now = self.now()
         speeds, place = self.motion.look(self.lab)
+        speeds = self.paces(speeds, place, now)
         self.model.pass_time(now)
         if self.checking:
             self.check(now, speeds, place)
         self.way += max(map(abs, speeds)) * TICK
         self.history.append((now, speeds))
 
+    def paces(self, speeds: tuple[float, ...], place: tuple[float, ...], now: float) -> tuple[float, ...]:
+        """The speeds, of joints that hands can take each over ``SPAN``: they go in steps, one for each target."""
+        self.trail.append((now, place))
+        found = list(speeds)
+        for part in self.hands:
+            since, old = next(one for one in self.trail if one[0] >= self.free_since[part])
+            way = 0.0 if part in self.grips else math.remainder(place[part] - old[part], math.tau)
+            found[part] = way / max(SPAN, now - since)
+        return tuple(found)
+
     def check(self, now: float, speeds: tuple[float, ...], place: tuple[float, ...]) -> None:
         """The property."""
         sick = self.sick > 0 or any(self.plant.device(self.lab).faults)
+        if sick:
+            self.sick_at = now
         for what, healed in self.faulty.items():
             self.faulty[what] = now if sick else healed
             self.holds(sick or now < healed + BACK, f"{what} works again, but is not back")
@@ -231,9 +158,19 @@ class Trial(Scene):
                 most = self.model.most(part, now)
                 if now < self.clear_at[device] + self.plant.settle:
                     most = max(most, self.came_at[part])
+                if part in self.grips or now < self.excused.get(part, 0.0):
+                    self.unbind(part, now)
+                    continue
                 most = FASTER * most + self.plant.more[part]
+                if part in self.stays and now < self.free_since[part] + 2 * SPAN:
+                    most = max(most, LEAP / SPAN)
+                self.fastest_share = max(self.fastest_share, abs(speeds[part]) / most)
                 self.holds(abs(speeds[part]) <= most, f"part {part} at {speeds[part]:.3f}, asked at most {most:.3f}")
                 self.check_part(part, now, speeds[part], place, now < self.clear_at[device])
+
+    def quiet_share(self, seconds: float) -> float:
+        """In which share of this time nobody asked for motion."""
+        return self.quiet_ticks * TICK / seconds / len(self.parts)
 
     def unbind(self, part: int, now: float) -> None:
         """This part may move."""
@@ -243,6 +180,11 @@ class Trial(Scene):
 
     def check_part(self, part: int, now: float, speed: float, place: tuple[float, ...], unknown: bool) -> None:
         """Who is not asked to move gets no faster, stands soon, and stays."""
+        if not self.model.latched:
+            self.stays.pop(part, None)
+        elif part in self.stays:
+            way = abs(place[part] - self.stays[part])
+            self.holds(way <= LEAP, f"part {part} was let go during an emergency stop, and has moved by {way:.3f}")
         if unknown or self.model.asked(part):
             self.unbind(part, now)
             return
@@ -263,6 +205,65 @@ class Trial(Scene):
             spot = self.spot.setdefault(part, place)
             gone = abs(place[part] - spot[part])
             self.holds(gone <= self.plant.drift, f"part {part} has moved by {gone:.3f}, nobody asks")
+
+    # ---------------------------------------------------------------- hands, other masters, limits
+
+    def grip(self, device: Any, way: float, seconds: float) -> None:
+        """A hand takes a joint, and turns it towards the middle of its range by ``way`` rad in some seconds."""
+        (part,) = self.plant.devices[device]
+        hand = self.plant.hands[device]
+        place = self.motion.look(self.lab)[1][part]
+        hand.hold(self.lab, True)
+        ticks = round(seconds / TICK)
+        self.grips[part] = Grip(hand, math.copysign(way / ticks, hand.middle - place), ticks if way else 0, self.now())
+
+    def let_go(self, device: Any) -> None:
+        """The hand is taken away."""
+        (part,) = self.plant.devices[device]
+        grip = self.grips.pop(part)
+        now = self.now()
+        grip.hand.hold(self.lab, False)
+        self.note(f"the hand lets {device} go")
+        self.free_since[part] = now
+        self.history = deque(((at, _without(part, old)) for at, old in self.history), self.history.maxlen)
+        if self.model.latched:
+            self.stays[part] = self.motion.look(self.lab)[1][part]
+        else:
+            # What cannot be read or written cannot be led either, and the goals of another master are not known.
+            blind = max(self.sick_at, self.pushed_at.get(part, -INF)) >= grip.since
+            self.model.let_go(part, INF if blind else grip.hand.springs, now)
+
+    def pushed(self, push: Push) -> None:
+        """Another master moves the robot: while an emergency stop holds, that is noticed."""
+        for part in push.parts:
+            self.unbind(part, self.now())
+            self.pushed_at[part] = self.now() + (push.lasts if push.lasts < INF else 0.0)
+        if self.model.latched:
+            self.excused |= dict.fromkeys(push.parts, self.now() + NOTICED)
+            self.unnoticed.append((self.now() + NOTICED, push))
+        else:
+            self.model.pushed(push, self.now())
+
+    def released(self) -> None:
+        """The emergency stop is over: what was not noticed yet goes on."""
+        self.model.latched = False
+        now = self.now()
+        for until, push in self.unnoticed:
+            if now < until:
+                self.model.pushed(push, now)
+        self.unnoticed.clear()
+
+    def set_limits(self, shares: dict[int, float]) -> None:
+        """Read the settings, with these shares of the limits of the plant."""
+        limits: dict[str, dict[str, float]] = {}
+        for part, limit in self.plant.limits.items():
+            share = shares.get(part)
+            if share is not None:
+                limits.setdefault(limit.device, {})[limit.name] = share * limit.most
+            most = INF if share is None else share * limit.most * limit.unit + limit.grain
+            self.model.limit(part, most, self.now())
+        self.note(f"limits are {limits}")
+        self.lab.robot.configure(RobotSettings(self.lab.url, 1 / self.lab.tick, dead_man=DEAD_MAN, limits=limits))
 
     def fastest(self, part: int) -> float:
         """The greatest speed of the last second."""

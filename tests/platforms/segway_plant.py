@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from random_programs import Plant, Program, base_recipes
-from segway_lab import Lab
+from random_programs import Limit, Plant, Program, Push, base_recipes
+from segway_lab import MOTION, Lab
 
 from urbihw_fakes.segway.frames import TRACTOR
 from urbihw_fakes.segway.rmp import SegwayRmp
@@ -27,4 +27,6 @@ def plant() -> Plant:
         end=lambda lab: lab.end,
         device=lambda lab: lab.device,
         units={"base": None},
+        others=tuple(Push(other.go, {0: 0.4}, 0.5) for other in MOTION.others.values()),
+        limits={0: Limit("base", 0.2), 1: Limit("base", 0.3, "turn")},
     )

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from random_programs import INF, LATE, TICK, Plant, between, course, either_way, setter
-from so101_lab import Lab
+import math
+
+from random_programs import INF, LATE, TICK, Limit, Plant, Push, between, course, either_way, setter
+from servo_hands import hand_at
+from so101_lab import MOTION, Lab
 
 JOINT = 1.5
 """rad/s of a joint on its way to a goal."""
@@ -33,4 +36,7 @@ def plant() -> Plant:
         end=lambda lab: lab.end,
         device=lambda lab: lab.kit,
         units={1: 1, 5: 5},
+        hands={1: hand_at(1, math.pi, JOINT)},
+        others=tuple(Push(other.go, {0: JOINT}, 8.0) for other in MOTION.others.values()),
+        limits={0: Limit("shoulder_pan", 1.0), 4: Limit("wrist_roll", 2.0)},
     )

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from random_programs import INF, Plant, Program, course, either_way, ramp, setter, steps
-from spykee_lab import Lab
+from random_programs import INF, Limit, Plant, Program, Push, course, either_way, ramp, setter, steps
+from spykee_lab import MOTION, Lab
 
 MOST = 0.42
 """m/s of a track at 100."""
@@ -33,4 +33,6 @@ def plant() -> Plant:
         end=lambda lab: lab.end,
         device=lambda lab: lab.device,
         units={"trackL": None},
+        others=tuple(Push(other.go, {0: 0.6 * MOST, 1: 0.6 * MOST}) for other in MOTION.others.values()),
+        limits={part: Limit(track, 40, unit=MOST / 100) for part, track in ((0, "trackL"), (1, "trackR"))},
     )

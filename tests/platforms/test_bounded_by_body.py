@@ -7,11 +7,10 @@ from typing import Any
 
 import pytest
 from chain_lab import Lab
+from servo_hands import body_of
 
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import RobotSettings
-from urbihw_fakes.dynamixel.xseries import XSeries
-from urbihw_fakes.feetech.servo import FeetechServo
 
 MARGIN = 1.1
 """A body may be so much faster than told."""
@@ -58,7 +57,7 @@ class Chain(Lab):
 
     def bodies(self) -> list[Any]:
         """What turns of each servo: with ``held``, and ``load`` where the fake has forces."""
-        return [unit.motor if isinstance(unit, XSeries | FeetechServo) else unit for unit in self.kit]
+        return [body_of(unit) for unit in self.kit]
 
 
 @pytest.mark.parametrize("chain", CHAINS)
@@ -253,6 +252,20 @@ def test_limits_that_are_reloaded_act_on_what_moves_already() -> None:
     assert lab.number("motor1.applied") == pytest.approx(1.0, abs=0.02)
     assert lab.look("motor1.limitedBy") == '"limits.speed"'
     assert lab.number("motor3.applied") == pytest.approx(-1.0, abs=0.03)
+
+
+@pytest.mark.parametrize("estop", [False, True])
+@pytest.mark.parametrize("chain", CHAINS)
+def test_a_joint_that_becomes_a_wheel_stands_until_it_gets_a_speed(chain: str, estop: bool) -> None:
+    lab = Chain.ready(chain, limits={"speed": 1.0})
+    lab.say_all("motor#.load = 1|; motor#.val = 0.2|;", 1.0)
+    if estop:
+        lab.look("chain.estop = true")
+        lab.run(0.3)
+    modes = {n: "velocity" if lab.look(f"motor{n}.model").strip('"')[:2] == "X" else "wheel" for n in lab.numbers}
+    heard = lab.say(" ".join(f'motor{n}.mode = "{mode}"|;' for n, mode in modes.items()))
+    most = lab.fastest(1.5)
+    assert all(speed <= GRAIN for speed in most.values()), (most, heard)
 
 
 @pytest.mark.parametrize("go", ["motor#.val = 0.9|;", "motor#.val = 0.9 speed:0.5,"])

@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 
 import pytest
-from cia402_lab import Lab
+from cia402_lab import Lab, LivingLab
 
 from urbihw.kernel.uobject import BadConfig, NotReady
 from urbihw_fakes.can.node import CanFrame
@@ -303,3 +303,22 @@ def test_a_torque_keeps_its_limit_and_is_refused_where_another_limit_could_not_b
     lab.say("drive5.load = 1;", 0.2)
     assert "has a limit of position or speed" in lab.say("drive5.torque = 1;", 0.2)
     assert lab.drive.machine.target_torque == 0
+
+
+@pytest.mark.parametrize("limits", [{}, {"speed": 2.0}], ids=["no limit", "limit"])
+@pytest.mark.parametrize("stop", ["", "cia402.stop;"], ids=["", "stopped"])
+def test_a_drive_does_not_start_for_an_old_goal_before_it_gets_a_new_one(stop: str, limits: dict[str, float]) -> None:
+    lab = LivingLab.ready(limits=limits)
+    lab.say("drive5.load = 1;", 1.0)
+    lab.say("drive5.speed = 6;", 5.0)
+    lab.say(f"drive5.speed = 0; {stop}", 1.0)
+    machine = lab.drive.machine
+    place = machine.position
+    lab.say("drive5.val = drive5.val + 1;")
+    backward = fastest = 0.0
+    for _ in range(150):
+        lab.step()
+        backward, fastest = min(backward, machine.speed), max(fastest, machine.speed)
+    assert backward >= -0.01 * machine.increments
+    assert fastest / machine.increments * math.tau <= (2.0 if limits else 15.0) * 1.05
+    assert machine.position - place == pytest.approx(machine.increments / math.tau, abs=3)

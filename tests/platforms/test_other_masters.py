@@ -52,3 +52,26 @@ def test_a_motion_of_another_master_is_stopped(platform: str, name: str, tmp_pat
 def test_each_platform_tells_who_else_can_move_its_robot(platform: str) -> None:
     motion: Motion = MOTIONS[platform]
     assert bool(motion.others) != bool(motion.alone)
+
+
+ZEROS = {
+    ("bioloid", "wheel"): "motor7.speed = 0;",
+    ("chain", "X wheel"): "motor3.speed = 0;",
+    ("nxt", "motors"): "wheelL.speed = 0 | wheelR.speed = 0 | claw.speed = 0;",
+    ("cia402", "drive that is on"): "drive5.speed = 0;",
+    ("spykee", "tracks"): "trackL.val = 0 | trackR.val = 0;",
+    ("nao", "walk"): "naoWalk.xSpeed = 0;",
+}
+"""What a client says that lets stand what another master has set moving, though it stands already by our own orders."""
+
+
+@pytest.mark.parametrize(("platform", "name"), ZEROS)
+def test_a_client_that_writes_zero_stops_it_too(platform: str, name: str, tmp_path: Path) -> None:
+    motion = MOTIONS[platform]
+    other = motion.others[name]
+    scene = Scene(motion, Kind("", 0.0, prepare=other.prepare, make=other.make, ready=other.ready), tmp_path, [])
+    for _ in range(2):
+        scene.lab.say(ZEROS[platform, name], 0.5)
+        push(scene, other)
+        scene.lab.say(ZEROS[platform, name])
+        stands(scene, 0.3)

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from functools import partial
 from typing import Any
 
 import pytest
 from chain_lab import Lab
+from servo_hands import turn_horn
 from test_bounded_by_body import CHAINS, GRAIN, MARGIN, Chain
 
 from urbihw.kernel.uobject import RobotSettings
-from urbihw_fakes.dynamixel.ax12 import DEGREES, Ax12
-from urbihw_fakes.dynamixel.servo import Shaft
-from urbihw_fakes.dynamixel.xseries import XSeries
-from urbihw_fakes.dynamixel.xtables import STEPS
-from urbihw_fakes.feetech.servo import FeetechServo
 
 AWAY = 0.8
 """How far a hand turns the horns, rad."""
@@ -38,7 +33,7 @@ class Standing(Chain):
         self.hold(True)
         for _ in range(steps):
             for unit in self.kit:
-                _turn(unit, way / steps)
+                turn_horn(unit, way / steps)
             self.step()
         self.run(held)
         self.hold(False)
@@ -52,18 +47,6 @@ class Standing(Chain):
         self.kit.tick(self.bus_clock.now())
         for body in self.bodies():
             body.load = load
-
-
-def _turn(unit: Any, way: float) -> None:
-    match unit:
-        case XSeries():
-            unit.motor.position += way / math.tau * STEPS
-        case FeetechServo():
-            unit.motor.turn(way / math.tau * unit.steps)
-        case Ax12():
-            unit.position += way / math.radians(DEGREES)
-        case Shaft():
-            unit.position += way / math.tau * unit.family.counts
 
 
 def _near(places: dict[int, float], wanted: float, within: float = 0.03) -> bool:

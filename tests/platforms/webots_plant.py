@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from random_programs import INF, Plant, course, either_way, ramp, setter, steps
+from random_programs import INF, Limit, Plant, course, either_way, ramp, setter, steps
 from webots_lab import Lab
 
 MODEL = Path(__file__).with_name("webots_home") / "blocks.xml"
@@ -33,4 +33,5 @@ def plant() -> Plant:
         end=lambda lab: lab.plug,
         device=lambda lab: lab.plug,
         units={"left wheel": None, "right wheel": None},
+        limits={0: Limit("left wheel", 2.0), 1: Limit("right wheel", 2.0)},
     )

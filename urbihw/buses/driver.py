@@ -60,6 +60,8 @@ class Driver:
         identity: what tells the robot that `attach` has found from others of its kind, such as its serial number; "" if
             nothing does. The engine stops everything when another robot answers than the last time.
         quantities: item -> what it measures, for `reading`.
+        exclusive: items of a device of which the one that is written last counts: a motor goes to a place, or turns at
+            a speed. What was asked of the others before is over.
     """
 
     slow_verbs: frozenset[str] = frozenset()
@@ -71,6 +73,7 @@ class Driver:
     device_info: type | None = None
     identity: str = ""
     quantities: Mapping[str, Quantity] = {}
+    exclusive: frozenset[str] = frozenset()
 
     def configure(self, settings: Configure) -> None:
         """Apply settings.  Raises BadValue, BadSetting."""
@@ -172,6 +175,13 @@ class Driver:
     def unheld_request(self, request: Request, limits: Mapping[tuple[Any, str], Limit]) -> str:
         """Return why a request cannot be held within these limits, so that it is refused; "" if it can."""
         return ""
+
+    def rests(self, request: Request, item: str, value: Any) -> bool:
+        """Whether this write of several lets the device stand in the mode that the others select: no limit changes it.
+
+        In the mode before, the same value may stand for the greatest speed.
+        """
+        return False
 
     def leaves_place(self, request: Request) -> bool:
         """Whether the device may be elsewhere than at its last target after this request: its torque was off."""

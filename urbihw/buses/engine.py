@@ -182,11 +182,12 @@ class Engine:
         now = self._clock.now()
         if self._link.port is not None:
             self._link.port.beside = tuple(self._inbox.descriptors())
-        given = self._gate.set_points.next_targets(now)
+        points = self._gate.set_points
+        given = points.next_targets(now)
         if given:
             self._health.record_applied(given)
-            self._reports.post(self._driver.targets(Targets(given)))
-        led = self._gate.set_points.led_goals(now, still=bool(self._authority.latched))
+            self._reports.post(self._driver.targets(Targets(given, rates=points.paces(given))))
+        led = points.led_goals(now, still=bool(self._authority.latched))
         if led:
             self._driver.lead(led)
         news = self._driver.tick(now, self._reports.post_held, self._is_tick_urgent)
@@ -304,7 +305,7 @@ class Engine:
             self._health.record_requested(message.values)
         if given:
             self._health.record_applied(given)
-            fresh = Targets(given, message.epoch, message.time)
+            fresh = Targets(given, message.epoch, message.time, rates=self._gate.set_points.paces(given))
             self._link.guard(lambda: self._reports.post(self._driver.targets(fresh)))
 
     def _accept_request(self, message: Request) -> None:

@@ -114,7 +114,11 @@ class Gate:
             message = replace(message, value=clamp(message.device, message.item, message.value))
             self._guards.note_written(message.device, message.item, message.value)
         elif message.verb == "write_all":
-            steps = tuple((item, clamp(message.device, item, value)) for item, value in message.value)
+            rests = self._driver.rests
+            steps = tuple(
+                (item, value if rests(message, item, value) else clamp(message.device, item, value))
+                for item, value in message.value
+            )
             message = replace(message, value=steps)
             for item, value in steps:
                 self._guards.note_written(message.device, item, value)

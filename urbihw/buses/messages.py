@@ -31,7 +31,8 @@ class Targets:
     dropped. `time` is when they were written, in seconds of the writer's clock; the speed of a movement is computed
     from it. `resumed` are targets of a movement whose writer was held up: the device has stood still meanwhile.
     `rates` are the highest speeds of the movements that the targets belong to, in raw counts per second: the worker
-    keeps them, however late and far ahead a target arrives. A target without one is a plain write.
+    keeps them, however late and far ahead a target arrives. A target without one is a plain write. A driver gets the
+    speeds of those targets that limits or movements bound, for a robot that can keep a speed by itself.
     """
 
     values: Mapping[tuple[Any, str], Any]

@@ -98,7 +98,14 @@ def _step(given: float, asked: float, far: float, bounds: tuple[float, float] | 
 
 
 class TargetConverter(Protocol):
-    """The part of a driver that set points use: positions, and conversion of targets."""
+    """The part of a driver that set points use: positions, and conversion of targets.
+
+    Attributes:
+        exclusive: items of a device of which the one that is written last counts.
+    """
+
+    @property
+    def exclusive(self) -> Collection[str]: ...
 
     def pose(self, device: Any, item: str) -> float | None:
         """Return the position of the device in the unit of the target, nan while it is unknown.
@@ -171,12 +178,21 @@ class SetPoints:
 
     def _rein(self, key: Key, course: _Course, now: float) -> bool:
         """Take the set point of a joint back to what it can follow; return whether the joint is on its way."""
-        if key not in self._under_way:
-            bounds = self._converter.reach(*key, self._pace(key, course), now)
-            if bounds is None or math.isnan(bounds[0]) or bounds[0] <= course.given <= bounds[1]:
-                return False
-            course.given = min(max(course.given, bounds[0]), bounds[1])
-            self._set_under_way(key, now)
+        if key in self._under_way:
+            return True
+        if math.isnan(course.given):
+            # It stands since its device came back: what was asked before is over.
+            return False
+        place, pace = self._converter.pose(*key), self._pace(key, course)
+        bounds = self._converter.reach(*key, pace, now)
+        if bounds is None:
+            # Nothing tells how far its goal may be ahead: it was sent there at once, and is not there yet.
+            far = pace * LIVE_TIMEOUT_S
+            bounds = (math.nan, math.nan) if place is None else (place - far, place + far)
+        if math.isnan(bounds[0]) or bounds[0] <= course.given <= bounds[1]:
+            return False
+        course.given = min(max(course.given, bounds[0]), bounds[1])
+        self._set_under_way(key, now)
         return True
 
     def _pace(self, key: Key, course: _Course) -> float:
@@ -192,10 +208,19 @@ class SetPoints:
         """Drop the courses of the robot, or of some devices, which were stopped."""
         for key in (*self._courses, *self._led):
             if devices is None or key[0] in devices:
-                self._courses.pop(key, None)
-                self._under_way.pop(key, None)
-                self._paced.pop(key, None)
-                self._led.pop(key, None)
+                self._drop(key)
+
+    def _drop(self, key: Key) -> None:
+        self._courses.pop(key, None)
+        self._under_way.pop(key, None)
+        self._paced.pop(key, None)
+        self._led.pop(key, None)
+
+    def _drop_rivals(self, key: Key) -> None:
+        """A motor that was on its way to a place and now turns at a speed does not go on to that place."""
+        for item in self._converter.exclusive:
+            if item != key[1]:
+                self._drop((key[0], item))
 
     def accept_targets(
         self,
@@ -216,6 +241,8 @@ class SetPoints:
             if raw.__class__ is bool or not isinstance(raw, int | float) or math.isnan(raw):
                 given[key] = raw
                 continue
+            if key[1] in self._converter.exclusive:
+                self._drop_rivals(key)
             course = self._courses.get(key)
             if course is None:
                 course = self._courses[key] = _Course()
@@ -344,6 +371,13 @@ class SetPoints:
                 course.returning = False
                 del self._under_way[key]
         return given
+
+    def paces(self, keys: Iterable[Key]) -> Mapping[Key, float]:
+        """Return the highest speeds with which targets are to be reached, of those that are bounded, in counts/s."""
+        if not self._limited and not self._paced:
+            return _NO_RATES
+        paces = ((key, self._pace(key, self._courses.get(key, _NO_COURSE))) for key in keys)
+        return {key: pace for key, pace in paces if pace < math.inf}
 
     def pop_limited(self) -> list[Limited]:
         """Return the changes that limits made to targets since the last call."""

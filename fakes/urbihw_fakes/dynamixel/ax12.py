@@ -282,13 +282,16 @@ class Ax12(Unit1):
             self._shut_down()
 
     def _bounded(self, position: float) -> float:
-        """Return the position of a wheel modulo a turn; stop a joint at the ends of its range."""
+        """Return the position of a wheel modulo a turn; stop a joint at the ends of its range.
+
+        One that has become a joint beyond them turns back, and no further away.
+        """
         if self.wheel:
             return position % POSITIONS_PER_TURN
-        if position < 0.0 or position > 1023.0:
+        within = min(max(position, min(0.0, self.position)), max(1023.0, self.position))
+        if within != position:
             self.speed = 0.0
-            return 0.0 if position < 0.0 else 1023.0
-        return position
+        return within
 
     def _alarms(self) -> int:
         get = self.registers.get

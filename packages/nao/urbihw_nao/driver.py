@@ -176,7 +176,7 @@ class NaoDriver(Driver):
     # ---------------------------------------------------------------- what the parent wants
 
     def targets(self, message: Targets) -> list[FromWorker]:
-        self._exchange.written = message.time
+        self._exchange.written, self._exchange.paces = message.time, message.rates
         return super().targets(message)
 
     def set_target(self, device: Any, item: str, value: Any) -> None:

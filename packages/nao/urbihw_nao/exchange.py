@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from urbihw.buses.errors import BadFrame, BadValue, LinkGone, Unavailable
@@ -30,6 +30,7 @@ class NaoExchange:
         now: the worker's clock, s.
         port: the port of the session; a twin of it leads to the same robot.
         written: when the targets were written that are being set, by the clock of their writer; None if unknown.
+        paces: the highest speeds with which they are to be reached, rad/s, by device and item; not of all.
     """
 
     def __init__(self) -> None:
@@ -40,6 +41,7 @@ class NaoExchange:
         self.now: Callable[[], float] = time.monotonic
         self.port: Port
         self.written: float | None = None
+        self.paces: Mapping[tuple[Any, str], float] = {}
         self._session: QiSession | None = None
         self._motion: QiService
         self._memory: QiService

@@ -47,6 +47,7 @@ class JointPart(NaoPart):
         names = [joint.name for joint in self.exchange.info.joints]
         self._names = frozenset(names)
         self.trace.number_motors(names)
+        self._angles.begin()
         self._writer = self._angles
         self._apply_options()
 

@@ -1,11 +1,15 @@
 """How goals of joints reach the robot: the interface of both ways (manual, "Motor back-end method"), and ``setAngles``.
 
+A joint that limits or movements bound to a speed gets its goal with that share of its greatest speed: so the robot
+keeps it by itself, also if goals arrive late and all at once.
+
 The other way is ``dcm_writer``.  Stiffness is always written through ALMotion, which must know which joints carry the
 robot.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Final
 
@@ -16,6 +20,9 @@ from urbihw_nao.orders import JointOrders
 ANGLES: Final = "angles"
 """The kind of the call that is under way; see ``Exchange.busy``."""
 STIFFNESS: Final = "stiffness"
+SHARES: Final = 200
+"""Shares of the greatest speed are whole multiples of 1 / SHARES, so that joints of similar speed go into one call."""
+LEAST_SHARE: Final = 1 / SHARES
 
 
 class JointWriter:
@@ -58,10 +65,21 @@ class JointWriter:
 
 
 class AngleWriter(JointWriter):
-    """One ``setAngles`` with all new goals a cycle."""
+    """One ``setAngles`` a cycle with all new goals, or one for each share of the greatest speed."""
+
+    def __init__(self, exchange: NaoExchange, orders: JointOrders, trace: MotorTrace) -> None:
+        super().__init__(exchange, orders, trace)
+        self._speeds: Mapping[str, float] = {}
+        self._shares: dict[str, float] = {}
+
+    def begin(self) -> None:
+        self._speeds = {joint.name: joint.speed for joint in self.exchange.info.joints if joint.speed > 0}
 
     def set_angle(self, joint: str, angle: float) -> str:
         self.orders.angles[joint] = angle
+        pace, fastest = self.exchange.paces.get((joint, "angle"), math.inf), self._speeds.get(joint, math.nan)
+        share = math.ceil(pace / fastest * SHARES) / SHARES if pace < fastest else 1.0
+        self._shares[joint] = max(share, LEAST_SHARE)
         return ""
 
     def drop_goals(self, joints: Sequence[str]) -> None:
@@ -73,9 +91,14 @@ class AngleWriter(JointWriter):
         if not self.orders.angles or exchange.busy(ANGLES) or exchange.busy(STIFFNESS):
             return
         angles = self.orders.pop_angles()
-        exchange.call(
-            ANGLES, exchange.motion, "setAngles", list(angles), list(angles.values()), exchange.options.fraction
-        )
+        groups: dict[float, list[str]] = {}
+        for joint in angles:
+            groups.setdefault(min(self._shares.get(joint, 1.0), exchange.options.fraction), []).append(joint)
+        *others, last = ((names, [angles[name] for name in names], share) for share, names in groups.items())
+        for each in others:
+            exchange.post_motion("setAngles", *each)
+        # The answer to the last one tells that the robot keeps up.
+        exchange.call(ANGLES, exchange.motion, "setAngles", *last)
         self.trace.write(now, angles.items())
 
     def hold(self, places: Mapping[str, float]) -> None:

@@ -68,7 +68,8 @@ class WalkPart(NaoPart):
             self._walks = self._asked = self._ours = True
             steps = [self._config] if self._config else []
             exchange.call(WALK, exchange.motion, "move", *self._speeds.values(), *steps)
-        elif self._walks:
+        else:
+            # Also while it does not walk for us: somebody else may let it walk.
             self._walks = False
             exchange.call(WALK, exchange.motion, "stopMove")
 

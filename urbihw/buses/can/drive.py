@@ -94,6 +94,8 @@ class CanDrive:
         self._control = 0
         self._mode = 0
         self._halted = False
+        self._leaves = False
+        """It is about to go to a position, and has not got the point yet."""
         self._point: int | None = None
         self._point_sent = False
         self._goal: int | None = None
@@ -272,6 +274,7 @@ class CanDrive:
 
     def set_position(self, place: int) -> None:
         """Go to a position, in increments."""
+        self._leaves = self._leaves or self._halted or self._mode != c.POSITION
         self._mode, self._halted, self._homing = c.POSITION, False, False
         self._send_object(3, c.TARGET_PLACE, place)
         self._point, self._point_sent, self._goal = place, False, place
@@ -367,6 +370,10 @@ class CanDrive:
             word |= c.AT_ONCE
             if self._point is not None and self._process_value(1, c.MODE_SHOWN) == c.POSITION:
                 word |= self._point_bit()
+            self._leaves = self._leaves and not word & c.NEW_POINT
+            if self._leaves:
+                # Until the drive takes the point it would go to the last one that it had, however long ago.
+                word |= c.HALT
         return word
 
     def _point_bit(self) -> int:

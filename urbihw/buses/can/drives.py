@@ -78,6 +78,7 @@ class DrivesDriver(Driver):
     slow_verbs: frozenset[str] = frozenset({"read", "write"})
     knows_motion = True
     device_info = DriveInfo
+    exclusive = frozenset({"velocity", "position", "torque"})
 
     def __init__(self) -> None:
         self._clock: BusClock = BusRealClock()

@@ -51,7 +51,7 @@ from urbihw.buses.servos.stop import (
     stop_what_moves,
 )
 from urbihw.buses.servos.toss import enter_toss_mode, has_toss_speed, request_toss_mode
-from urbihw.buses.servos.unheld import check_line, explain_target, explain_writes, leaves_place
+from urbihw.buses.servos.unheld import check_line, explain_target, explain_writes, is_speed_after, leaves_place
 from urbihw.buses.servos.units import unit_of
 
 # Seconds between scans of a bus without devices (robot switched off?); a scan writes nothing.
@@ -110,7 +110,10 @@ class ServoDriver(Driver):
         return self._options.ids or None
 
     def expect_devices(self, devices: tuple[Any, ...]) -> None:
-        """Scan for the devices of an earlier worker only: this takes less time than scanning all ids."""
+        """Scan for the devices of an earlier worker only: this takes less time than scanning all ids.
+
+        One that does not answer then is lost, not forgotten.
+        """
         self._expected = tuple(device.id for device in devices if isinstance(device, DeviceInfo))
 
     def attach(self, port: Port) -> list[FromWorker]:
@@ -150,7 +153,7 @@ class ServoDriver(Driver):
     def _absent_devices(self, bus: ServoBus, outcome: ServoScan) -> list[ServoDevice]:
         """Return the devices that are known or expected and did not answer to a scan, and those that it could not read:
         they are found when they answer."""
-        expected = {*self._options.ids, *(each.id for each in self._settings.expected), *self._unread}
+        expected = {*self._options.ids, *(each.id for each in self._settings.expected), *self._unread, *self._expected}
         wanted = {
             number: ServoDevice(number, 0, 0, bus.protocol_of(number)) for number in sorted(expected)
         } | self._known
@@ -280,6 +283,11 @@ class ServoDriver(Driver):
             return ""
         return explain_writes(member, _steps_of(request), request.verb == "write", limits)
 
+    def rests(self, request: Request, item: str, value: Any) -> bool:
+        """A speed of 0 behind the writes that make a wheel of a joint; for a joint that is its full speed."""
+        member = self._table_member(request.device)
+        return member is not None and not value and is_speed_after(member, _steps_of(request), item)
+
     def leaves_place(self, request: Request) -> bool:
         """Torque, mode, restart and the end of an effort of 0; until then its goal is where it was sent last."""
         member = self._table_member(request.device)
@@ -314,6 +322,9 @@ class ServoDriver(Driver):
         member = None if self._cycle is None else self._cycle.members.get(device)
         if item != GOAL or member is None:
             return None
+        if member.device.table is None:
+            # It was expected, and has not told yet what it is.
+            return math.nan, math.nan
         return member.reach(pace, self._options.push, now)
 
     def joints(self) -> Iterable[tuple[Any, str]]:

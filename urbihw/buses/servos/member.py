@@ -274,12 +274,17 @@ class Member:
             self._moves_next = True
         if name == PROFILE and self._profile_kept is not None:
             self._profile_kept = raw
-        elif self.written.get(name) == raw:
+        elif self.written.get(name) == raw and not self._lets_stand(name, raw):
             self.pending.pop(name, None)
         else:
             self.pending[name] = raw
             if raw and self.must_arm_watchdog(name):
                 self.pending[WATCHDOG] = WATCHDOG_COUNTS
+
+    def _lets_stand(self, name: str, raw: int) -> bool:
+        """Return whether a target lets a wheel stand: it is written anew, for another master may turn it."""
+        mode = self.device.mode
+        return not raw and mode is not None and mode.motion is ShaftMotion.RATE and name == mode.effector
 
     def must_arm_watchdog(self, name: str) -> bool:
         """Return whether a value other than 0 of this item makes the servo turn while its watchdog is not armed."""

@@ -80,6 +80,12 @@ def explain_writes(member: Member, steps: Iterable[Step], raw_write: bool, limit
     return ""
 
 
+def is_speed_after(member: Member, steps: Iterable[Step], name: str) -> bool:
+    """Return whether a register is the speed of a wheel in the mode that these writes select."""
+    mode = _mode_after(member, tuple(steps))
+    return mode is not None and mode.motion is ShaftMotion.RATE and mode.effector == name
+
+
 def leaves_place(member: Member, steps: Iterable[Step]) -> bool:
     """Return whether the servo may be elsewhere than at its last target after these writes: torque or mode changed."""
     modes = member.table.mode_items

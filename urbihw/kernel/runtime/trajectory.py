@@ -167,7 +167,7 @@ class Trajectory:
             if way < math.inf:  # not for nan
                 speed = max(speed, way / _BEGIN_S)
             return lambda t: target + amplitude * wave(2 * math.pi * t / parameter + phase), math.inf, speed
-        start = self._finite(self._number(self._read(), "-"))
+        start = self._finite(self._present())
         way = target - start
         if self._kind == "accel":
             if way * parameter < 0 or (parameter == 0 and way != 0):
@@ -238,7 +238,7 @@ class Trajectory:
         self._write(self._target)
         nearest, since = math.inf, 0.0
         for t in self._steps():
-            way = abs(self._target - self._number(self._read(), "-"))
+            way = abs(self._target - self._present())
             if way <= max(self._limits.delta, _CLOSE):
                 return
             if way < nearest - _CLOSE:
@@ -257,7 +257,7 @@ class Trajectory:
         """
         nearest = least = slack = 0.0
         for t in self._steps():
-            value = self._number(self._read(), "-")
+            value = self._present()
             way = abs(self._target - value)
             if self._kind == "speed" and way <= self._limits.delta:
                 return
@@ -312,6 +312,13 @@ class Trajectory:
         number = self._world.as_float(value, 1, routine or None)
         if number != number:  # neither a target nor a duration
             raise errors.bad_number("BadNumber", "expected a number, got nan")
+        return number
+
+    def _present(self) -> float:
+        """The value now, where the movement begins.  Raises BadNumber while it is unknown."""
+        number = self._world.as_float(self._read(), 1, "-")
+        if number != number:
+            raise errors.bad_number("BadNumber", "the present value is unknown (nan), so no movement can begin")
         return number
 
     def _finite(self, value: float) -> float:

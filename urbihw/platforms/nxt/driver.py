@@ -36,7 +36,7 @@ from urbihw.buses.readings import Quantity
 from urbihw.platforms.nxt import protocol as p
 from urbihw.platforms.nxt.exchange import NxtExchange
 from urbihw.platforms.nxt.i2c import transfer
-from urbihw.platforms.nxt.motion import NxtMotion
+from urbihw.platforms.nxt.motion import EXCLUSIVE, NxtMotion
 from urbihw.platforms.nxt.reading import BRICK, Plan, ReadingJob
 
 KEEP_ALIVE = 60.0
@@ -64,6 +64,7 @@ class NxtDriver(Driver):
     """Drives a brick over one link; ``urbihw.buses.driver.Driver`` tells when each method is called."""
 
     quantities = {"millivolts": Quantity("voltage", "V", 1e-3)}
+    exclusive = EXCLUSIVE
 
     def __init__(self) -> None:
         self._settings = Configure()

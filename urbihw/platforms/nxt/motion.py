@@ -28,6 +28,8 @@ GAIN: Final = 0.6  # power per remaining degree
 LEAST: Final = 8  # power
 MOST: Final = 75
 NEAR: Final = 3  # degrees
+EXCLUSIVE: Final = frozenset({"power", "coast", "goal"})
+"""What a motor does is the last one of these targets."""
 _NO_LIMIT: Final = Limit()
 
 LONGEST_TONE: Final = 65_535  # ms
@@ -56,9 +58,8 @@ class NxtMotion:
     def set_target(self, device: Any, item: str, value: Any) -> None:
         """Send a target with the next tick; the head of this file lists the items.  Raises BadValue."""
         _check_target(device, item, value)
-        if item in ("power", "coast", "goal"):
-            # They exclude each other: the last one applies.
-            for other in ("power", "coast", "goal"):
+        if item in EXCLUSIVE:
+            for other in EXCLUSIVE:
                 self._targets.pop((device, other), None)
         self._targets[device, item] = value
 
@@ -100,6 +101,9 @@ class NxtMotion:
                 yield from self._play_sound(item, value, now)
             else:
                 self._goals.pop(device, None)
+                if not value:
+                    # Another program may run a motor that stands for us.
+                    self._powers.pop(device, None)
                 yield from self._set_power(device, value if item == "power" else None)
         if now >= self._renew_at and self._long_tone is not None:
             yield self._play_tone(*self._long_tone, now)

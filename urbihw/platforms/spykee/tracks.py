@@ -32,10 +32,12 @@ class TrackSpeeds:
         return any(self._speeds.values())
 
     def set_speed(self, track: str, speed: int) -> None:
-        """Set a speed; a changed one is sent with the next packet."""
+        """Set a speed; a changed one is sent with the next packet, and 0 always: somebody else may drive it."""
         if self._speeds[track] != speed:
-            self._speeds[track] = speed
-            self._due, self._left = 0.0, ZEROS
+            self._speeds[track], self._due = speed, 0.0
+        elif speed:
+            return
+        self._left = ZEROS
 
     def halt(self, tracks: Iterable[str] = (LEFT, RIGHT)) -> None:
         """Set the speeds of tracks to 0, and send that even if they were 0 before."""

@@ -61,6 +61,7 @@ _TARGETS: Final = ("position", "velocity", "torque")
 class SimulationDriver(Driver):
     """Drives one simulation; ``urbihw.buses.driver.Driver`` describes when each method is called."""
 
+    exclusive = frozenset(_TARGETS)
     quantities = {
         "position": Quantity("position", "rad"), "velocity": Quantity("speed", "rad/s"),
         "torque": Quantity("torque", "N m"),
