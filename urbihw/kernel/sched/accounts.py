@@ -1,10 +1,9 @@
 """How much processor time each context has used lately: who used little is served first when there is not enough.
 
 This is fair queueing by virtual time, as in the Linux scheduler.  Each context has an account, in seconds: the level at
-which it came plus what its turns took.  The level rises with the account of the context that is served, and with the
-time that nobody is charged for.  An account that has fallen behind the level by more than ``CREDIT_S`` counts as
-``CREDIT_S`` behind: a context that has slept goes first, but cannot make the others wait for all the time that it did
-not use.
+which it came plus what its turns took.  The level rises with the account of the context that is served, and with time
+that is not charged.  An account that has fallen behind the level by more than ``CREDIT_S`` counts as ``CREDIT_S``
+behind: a context that has slept goes first, but cannot make the others wait for all the time that it did not use.
 
 Only contexts that have waited for each other are charged (``Scheduler.run``), so a server that is not busy reads no
 clock for this.
@@ -50,13 +49,13 @@ class Accounts:
         del self._accounts[context]
 
     def skip(self) -> None:
-        """Charge the processor time since the last call to nobody."""
+        """Let the level rise by the processor time since the last call: no context is charged with it."""
         self._level += self._passed()
 
     def charge(self, context: Any, most: float) -> float:
         """A turn of a context is over: charge it with the processor time since the last call; return that time.
 
-        What is longer than ``most`` seconds is charged to nobody, and all of it if the context has no jobs any more.
+        The context is charged with ``most`` seconds at most, and not at all if it has no jobs any more.
         """
         passed = self._passed()
         account = self._accounts.get(context)

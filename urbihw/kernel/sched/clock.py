@@ -6,7 +6,7 @@ import time
 from typing import Final, Protocol
 
 STANDSTILL: Final = 0.0
-"""The processor time by a clock that is not real: programs run in the same order on each machine."""
+"""The processor time by a clock that is not real."""
 
 
 class Clock(Protocol):
@@ -128,7 +128,7 @@ class SimClock:
         return self._now
 
     def processor_time(self) -> float:
-        """Stands still."""
+        """Stands still, so programs run in the same order on each machine."""
         return STANDSTILL
 
     def advance(self, seconds: float) -> None:

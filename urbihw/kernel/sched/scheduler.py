@@ -1,9 +1,9 @@
 """The scheduler: runs the ready jobs in turn, and returns the time at which it must be called next.
 
 A *round* runs each job that was ready when the round began, once, first in first out.  When rounds take too long, they
-take only some of the ready jobs, those of the contexts that have used little lately (modules ``ready_queue`` and
-``accounts``).  A round has one time (``now``), which is also the time stamp of its output.  ``run()`` makes rounds until
-no job is ready, and returns the time of the next wake-up.  The caller is an asyncio loop or a simulated clock.
+take only some of the ready jobs: those of the contexts that have used little lately (modules ``ready_queue`` and
+``accounts``).  A round has one time (``now``), which is also the time stamp of its output.  ``run()`` makes rounds
+until no job is ready, and returns the time of the next wake-up.  The caller is an asyncio loop or a simulated clock.
 
 A job made by ``spawn`` starts at the end of the queue.  ``start_now`` runs the new job at once and puts its maker at
 the end of the queue, as the ``,`` of urbiscript does.

@@ -2,8 +2,8 @@
 
 ``drive()`` runs the scheduler until no job is ready, and arms a timer for the next wake-up.  Each source of events (a
 socket, a timer, a post from another thread) calls it directly, so an answer leaves in the iteration of the loop in
-which the question came in.  A run that leaves ready jobs behind is followed by another one only after all sockets have been read:
-the scheduler chooses among all that want something, not among those whose sockets happened to be read first.
+which the question came in.  A run that leaves ready jobs behind is followed by another one only when all sockets have
+been read: the scheduler chooses among all clients that want something, not among those who were heard first.
 
 A watchdog thread monitors the scheduler while it is busy (``watchdog``).
 """
@@ -87,7 +87,7 @@ class LoopDriver:
             self._timer = self._loop.call_later(delay, self.drive)
 
     def _read_sockets(self) -> None:
-        """Drive when the sockets have been read: asyncio has looked at them, and what it found stands behind this call."""
+        """Drive after the sockets: asyncio has looked at them, and what it found stands behind this call."""
         self._timer = self._loop.call_soon(self._drive_on)
 
     def _drive_on(self) -> None:
