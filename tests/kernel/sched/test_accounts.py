@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from urbihw.kernel.sched.accounts import CREDIT_S
+from urbihw.kernel.sched.accounts import CREDIT_S, Accounts
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.sched.scheduler import MAX_RUN_S, Scheduler
 
@@ -71,6 +71,7 @@ def test_short_statements_are_answered_in_a_row_beside_long_ones() -> None:
 def test_clients_that_work_share_the_processor() -> None:
     """By time, not by turns; and the one that slept does not make the other wait for all that it did not use."""
     world = World()
+    world.scheduler.spawn(lambda: world.scheduler.sleep(1e6), "sleeps", "m")
     world.client("L", 1000, LONG)
     world.run(lambda: world.clock.now() >= 2)
     world.client("m", 10_000, LONG / 5)
@@ -113,6 +114,18 @@ def test_who_came_before_waits_for_one_hold_of_many_newcomers() -> None:
         world.clock.advance(0.001)
     assert len(waits) >= 18
     assert max(waits) <= HOLD + 0.05
+
+
+def test_time_that_nobody_is_charged_for_counts_for_who_was_there() -> None:
+    """A server that was not busy has read no clock; who came before is ahead of newcomers when it is."""
+    clock = BusyClock()
+    accounts = Accounts(clock.processor_time)
+    accounts.open("old")
+    accounts.open("busy")
+    clock.advance(1.0)
+    accounts.charge("busy", 0.1)
+    accounts.open("new")
+    assert accounts.rank("old") < accounts.rank("new")
 
 
 def test_a_simulated_clock_lets_clients_take_turns() -> None:
