@@ -613,6 +613,10 @@ ATTACKS: tuple[Attack, ...] = (
     Attack("ten regexps at once", b'Regexp.new("(a+)+$").match("a" * 60 + "b");\n', connections=10),
     Attack("a loop that never gives way", b"loop| {},\n", seconds=6, holds=1, ci=True),
     Attack("six loops that never give way", b"loop| {},\n", connections=6, seconds=6, holds=1),
+    Attack(
+        "six loops that go on when they are ended", b"loop| { try { loop| {} } catch {} };\n", connections=6, seconds=8,
+        holds=1,
+    ),  # fmt: skip
     *_programs(_HELD, holds=1),
     *_programs(_HELD_AGAIN, holds=MAX_HOLDS),
     *_programs(_HELD_MEMORY, holds=1),
