@@ -26,10 +26,16 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     # The kernel.  Its packages also see kernel.errors and kernel.value, and nothing of their own package is ever
     # forbidden.
     "urbihw.kernel.errors": (),
+    "urbihw.kernel.recursion": (),
     "urbihw.kernel.value": (),
     "urbihw.kernel.syntax": ("urbihw.kernel.errors",),
-    "urbihw.kernel.sched": ("urbihw.kernel.errors",),
-    "urbihw.kernel.compiler": ("urbihw.kernel.errors", "urbihw.kernel.value", "urbihw.kernel.syntax"),
+    "urbihw.kernel.sched": ("urbihw.kernel.errors", "urbihw.kernel.recursion"),
+    "urbihw.kernel.compiler": (
+        "urbihw.kernel.errors",
+        "urbihw.kernel.recursion",
+        "urbihw.kernel.value",
+        "urbihw.kernel.syntax",
+    ),
     "urbihw.kernel.runtime": ("urbihw.kernel.errors", "urbihw.kernel.value", "urbihw.kernel.sched"),
     "urbihw.kernel.uobject": (
         "urbihw.kernel.errors",
@@ -61,7 +67,13 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.kernel.runtime",
         "urbihw.kernel.sched",
     ),
-    "urbihw.kernel.server": ("urbihw.kernel.errors", "urbihw.kernel.lobby", "urbihw.kernel.sched", "urbihw.repeats"),
+    "urbihw.kernel.server": (
+        "urbihw.kernel.errors",
+        "urbihw.kernel.lobby",
+        "urbihw.kernel.recursion",
+        "urbihw.kernel.sched",
+        "urbihw.repeats",
+    ),
     "urbihw.kernel.boot": ("urbihw.kernel",),
     # The door for libraries beside the standard one.
     "urbihw.kernel.library": (

@@ -41,8 +41,8 @@ class Attack:
         name: says what is done.
         says: what each connection sends, or what the attacker does.
         connections: how many, for bytes.
-        holds: how often it may hold the interpreter on purpose until the limit of the server ends that, perhaps one
-            time after the other.
+        holds: how often each of its connections may hold the interpreter on purpose until the limit of the server ends
+            that, perhaps one time after the other.
         reads: whether the attacker reads its answers, for bytes.
         seconds: for which the neighbour is looked at.
         spoils: errors count as answers to the neighbour: what is attacked is shared by all, and an error tells so.
@@ -612,6 +612,11 @@ ATTACKS: tuple[Attack, ...] = (
     *_programs(_REGEXPS),
     Attack("ten regexps at once", b'Regexp.new("(a+)+$").match("a" * 60 + "b");\n', connections=10),
     Attack("a loop that never gives way", b"loop| {},\n", seconds=6, holds=1, ci=True),
+    Attack("six loops that never give way", b"loop| {},\n", connections=6, seconds=6, holds=1),
+    Attack(
+        "six loops that go on when they are ended", b"loop| { try { loop| {} } catch {} };\n", connections=6, seconds=8,
+        holds=1,
+    ),  # fmt: skip
     *_programs(_HELD, holds=1),
     *_programs(_HELD_AGAIN, holds=MAX_HOLDS),
     *_programs(_HELD_MEMORY, holds=1),

@@ -1,8 +1,9 @@
-"""Other threads that post much do not hold up clients."""
+"""Other threads that post much, and jobs that work long, do not hold up clients."""
 
 from __future__ import annotations
 
 import asyncio
+import socket
 
 from urbihw.kernel.sched.clock import Clock, SimClock
 from urbihw.kernel.sched.scheduler import MAX_RUN_S, Scheduler
@@ -68,3 +69,43 @@ def test_posts_that_never_end_let_others_have_their_turn() -> None:
     assert deadline is not None
     assert deadline - before <= MAX_RUN_S + 0.005
     assert posts < 100
+
+
+def test_all_sockets_are_read_before_jobs_that_were_left_run_on() -> None:
+    """Else one client after the other is heard, and each may hold the interpreter before the next one is."""
+
+    async def play() -> tuple[list[int], int]:
+        scheduler = Scheduler(SimClock())
+        driver = LoopDriver(scheduler)
+        loop = asyncio.get_running_loop()
+        turns = 0
+        turns_when_read: list[int] = []
+
+        def work() -> None:
+            nonlocal turns
+            for _ in range(50):
+                turns += 1
+                scheduler.interrupt()
+                scheduler.yield_()
+
+        def listen(line: socket.socket) -> None:
+            line.recv(1)
+            turns_when_read.append(turns)
+            driver.drive()
+
+        lines = [socket.socketpair() for _ in range(5)]
+        for ours, theirs in lines:
+            loop.add_reader(ours, listen, ours)
+            theirs.send(b"x")
+        scheduler.spawn(work)
+        driver.drive()
+        while turns < 50 or len(turns_when_read) < len(lines):
+            await asyncio.sleep(0)
+        driver.close()
+        for ours, theirs in lines:
+            loop.remove_reader(ours)
+            ours.close()
+            theirs.close()
+        return turns_when_read, turns
+
+    assert asyncio.run(play()) == ([1] * 5, 50)

@@ -14,6 +14,7 @@ from urbihw.kernel.compiler.bind import bind
 from urbihw.kernel.compiler.codegen import write_unit
 from urbihw.kernel.compiler.pieces import code_of, cut
 from urbihw.kernel.compiler.unit import CompiledUnit
+from urbihw.kernel.recursion import set_recursion_limit
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.binding import UNBOUND
 from urbihw.kernel.syntax.pace import StepPace
@@ -87,8 +88,7 @@ def _compile(
 @contextmanager
 def _deep() -> Iterator[None]:
     """Let the recursive functions of the compiler go deeper than programs may: they take no C stack."""
-    usual = sys.getrecursionlimit()
-    sys.setrecursionlimit(usual + EXTRA_CALLS)
+    usual = set_recursion_limit(sys.getrecursionlimit() + EXTRA_CALLS)
     try:
         yield
     finally:

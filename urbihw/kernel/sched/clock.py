@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import time
-from typing import Protocol
+from typing import Final, Protocol
+
+STANDSTILL: Final = 0.0
+"""The processor time by a clock that is not real."""
 
 
 class Clock(Protocol):
@@ -19,6 +22,10 @@ class Clock(Protocol):
 
     def round(self) -> float:
         """A round of the scheduler begins: the present time."""
+        ...
+
+    def processor_time(self) -> float:
+        """Seconds of processor time that the calling thread has used; stands still while time is not real."""
         ...
 
 
@@ -38,6 +45,10 @@ class RealClock:
     def round(self) -> float:
         """Seconds since this clock was made."""
         return time.monotonic() - self._origin
+
+    def processor_time(self) -> float:
+        """Seconds of processor time that the calling thread has used."""
+        return time.thread_time()
 
 
 class LedClock:
@@ -81,6 +92,10 @@ class LedClock:
         """The time, in seconds."""
         return self.now()
 
+    def processor_time(self) -> float:
+        """Stands still while the clock is led."""
+        return STANDSTILL if self._led else time.thread_time()
+
 
 class SimClock:
     """A simulated clock: it stands still while jobs run, and jumps to the next deadline when all jobs sleep.
@@ -111,6 +126,10 @@ class SimClock:
         if self._rounds > self.ROUNDS_AT_ONE_TIME:
             self._now += self.CREEP_S
         return self._now
+
+    def processor_time(self) -> float:
+        """Stands still, so programs run in the same order on each machine."""
+        return STANDSTILL
 
     def advance(self, seconds: float) -> None:
         """Advance the time by hand, for tests of components that take the time as an argument."""

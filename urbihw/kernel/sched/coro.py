@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 
 from greenlet import GreenletExit, error, getcurrent, greenlet
 
+from urbihw.kernel.recursion import set_recursion_limit
+
 if TYPE_CHECKING:
     from urbihw.kernel.sched.job import Job
 
@@ -98,9 +100,8 @@ class Steps(Generic[T]):
         self._coro.parent.switch()
 
     def _switch(self, switch: Callable[[], object]) -> None:
-        usual = sys.getrecursionlimit()
+        usual = set_recursion_limit(self._limit)
         self._coro.parent = getcurrent()
-        sys.setrecursionlimit(self._limit)
         try:
             switch()
         finally:

@@ -2,20 +2,25 @@
 
 Usually all ready jobs stand in one queue, first in first out, whatever context they belong to.  When a round of all of
 them takes too long, ``Scheduler.run`` has to interrupt it.  From then on rounds are *fair*: a round is short and takes
-one job of each context in turn.  So a context with a single job waits for one job of each other context, not for the
-thousands of jobs that another context may have.  The jobs of one context keep their order.
+jobs only of those contexts that have used the least processor time lately (module ``accounts``), one job of each in
+turn.  So a context with a single short job waits for one turn of others, not for the thousands of jobs that another
+context may have, and it is answered several times in a row before a context whose turns are long has its next.  The
+jobs of one context keep their order.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from urbihw.kernel.sched.accounts import Accounts
     from urbihw.kernel.sched.job import Job
 
-MAX_FAIR_ROUND = 20
-"""The number of jobs at which a fair round is full.  It takes one job of each context in any case."""
+MAX_FAIR_ROUND: Final = 20
+"""The number of jobs at which a fair round is full.  It takes one job of each of its contexts in any case."""
+SAME_S: Final = 0.001
+"""Contexts whose accounts differ by less than so many seconds take turns in one round."""
 
 
 class Mark:
@@ -29,6 +34,8 @@ class Mark:
 
 INTERRUPT = Mark()
 """Makes ``Scheduler.yield_`` return to the hub although only one job is ready: ``run`` has been interrupted."""
+TURN_END = Mark()
+"""Stands between the turns of different contexts in a fair round."""
 ROUND_END = Mark()
 """The end of a fair round that left jobs out: behind it stand the jobs that became ready in that round."""
 
@@ -42,9 +49,10 @@ class ReadyQueue:
         preferred: the job that was last preferred in this round, with the job that made it and its index in ``jobs``.
     """
 
-    __slots__ = ("_waiting", "is_fair", "jobs", "preferred")
+    __slots__ = ("_accounts", "_waiting", "is_fair", "jobs", "preferred")
 
-    def __init__(self) -> None:
+    def __init__(self, accounts: Accounts) -> None:
+        self._accounts = accounts
         self.jobs: deque[Job | Mark] = deque()
         self.is_fair = False
         self.preferred: tuple[Job | None, int, Job] | None = None
@@ -71,7 +79,7 @@ class ReadyQueue:
             if waiting is ROUND_END:
                 self._prefer_waiting(made)
                 return
-            if isinstance(waiting, Mark) or (waiting.started and waiting.charged_context is made.charged_context):
+            if waiting is INTERRUPT or _is_of(waiting, made.charged_context) and waiting.started:
                 break
             place += 1
         ready.insert(place, made)
@@ -86,9 +94,7 @@ class ReadyQueue:
         ready = self.jobs
         place = 0
         if self._waiting:
-            while ready[place] is not ROUND_END and (
-                ready[place] is INTERRUPT or ready[place].charged_context is not context
-            ):
+            while ready[place] is not ROUND_END and not _is_of(ready[place], context):
                 place += 1
             if ready[place] is ROUND_END:
                 self._waiting.setdefault(context, deque()).extendleft(reversed(jobs))
@@ -105,12 +111,35 @@ class ReadyQueue:
         queue.insert(place, made)
 
     def begin_fair_round(self) -> int:
-        """Reduce ``jobs`` to one fair round, and return the number of its jobs.
+        """Reduce ``jobs`` to one fair round, and return the number of its entries: jobs, and ends of turns.
 
-        The contexts take turns in the order in which they have waited.  ``ROUND_END`` follows if jobs are left out.
+        ``ROUND_END`` follows if jobs are left out.
         """
-        ready = self.jobs
-        waiting = self._waiting
+        self._line_up()
+        waiting, ready = self._waiting, self.jobs
+        ranks = {context: self._accounts.rank(context) for context in waiting}
+        lowest = min(ranks.values(), default=(0.0, 0))[0]
+        same = [context for context in ranks if ranks[context][0] <= lowest + SAME_S]
+        turns = dict.fromkeys(sorted(same, key=lambda context: ranks[context][1]))
+        number = 0
+        while turns and number < MAX_FAIR_ROUND:
+            for context in list(turns):
+                if number and len(same) > 1:
+                    ready.append(TURN_END)
+                queue = waiting[context]
+                ready.append(queue.popleft())
+                number += 1
+                if not queue:
+                    del waiting[context], turns[context]
+        entries = len(ready)
+        self.is_fair = bool(waiting)
+        if waiting:
+            ready.append(ROUND_END)
+        return entries
+
+    def _line_up(self) -> None:
+        """Let all jobs wait in the lines of their contexts; those that the last round left without a turn go first."""
+        ready, waiting = self.jobs, self._waiting
         come: list[Job] = []
         left: list[Job] = []
         while ready:
@@ -119,21 +148,14 @@ class ReadyQueue:
                 left, come = come, []
             elif not isinstance(one, Mark):
                 come.append(one)
-        turns = {job.charged_context: None for job in left}
+        for job in left:
+            waiting.setdefault(job.charged_context, deque())
         for job in reversed(left):
-            waiting.setdefault(job.charged_context, deque()).appendleft(job)
+            waiting[job.charged_context].appendleft(job)
         for job in come:
             waiting.setdefault(job.charged_context, deque()).append(job)
-        turns.update(dict.fromkeys(waiting))
-        number = 0
-        while waiting and number < MAX_FAIR_ROUND:
-            for context in list(turns):
-                queue = waiting[context]
-                ready.append(queue.popleft())
-                number += 1
-                if not queue:
-                    del waiting[context], turns[context]
-        self.is_fair = bool(waiting)
-        if waiting:
-            ready.append(ROUND_END)
-        return number
+
+
+def _is_of(entry: Job | Mark, context: Any) -> bool:
+    """Whether an entry of the queue is a job of a context."""
+    return not isinstance(entry, Mark) and entry.charged_context is context

@@ -1,9 +1,9 @@
 """The scheduler: runs the ready jobs in turn, and returns the time at which it must be called next.
 
 A *round* runs each job that was ready when the round began, once, first in first out.  When rounds take too long, they
-take only some of the ready jobs (module ``ready_queue``).  A round has one time (``now``), which is also the time stamp
-of its output.  ``run()`` makes rounds until no job is ready, and returns the time of the next wake-up.  The caller is
-an asyncio loop or a simulated clock.
+take only some of the ready jobs: those of the contexts that have used little lately (modules ``ready_queue`` and
+``accounts``).  A round has one time (``now``), which is also the time stamp of its output.  ``run()`` makes rounds
+until no job is ready, and returns the time of the next wake-up.  The caller is an asyncio loop or a simulated clock.
 
 A job made by ``spawn`` starts at the end of the queue.  ``start_now`` runs the new job at once and puts its maker at
 the end of the queue, as the ``,`` of urbiscript does.
@@ -19,13 +19,14 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel.sched import job as states
+from urbihw.kernel.sched.accounts import Accounts
 from urbihw.kernel.sched.breaker import Breaker
 from urbihw.kernel.sched.clock import Clock
 from urbihw.kernel.sched.coro import Pool
 from urbihw.kernel.sched.errors import TooManyJobs
 from urbihw.kernel.sched.hooks import SchedulerHooks
 from urbihw.kernel.sched.job import Job
-from urbihw.kernel.sched.ready_queue import INTERRUPT, Mark, ReadyQueue
+from urbihw.kernel.sched.ready_queue import INTERRUPT, TURN_END, Mark, ReadyQueue
 from urbihw.kernel.sched.signals import JobKilled, JobSignal, takes_precedence
 from urbihw.kernel.sched.timequeue import TimeQueue, Timer
 from urbihw.kernel.sched.trace import Tracer
@@ -56,7 +57,8 @@ class Scheduler:
         self.hooks = SchedulerHooks() if hooks is None else hooks
         self._pool = Pool()
         self._resting = self._pool.resting
-        self._queue = ReadyQueue()
+        self._accounts = Accounts(clock.processor_time)
+        self._queue = ReadyQueue(self._accounts)
         self.ready: deque[Job | Mark] = self._queue.jobs
         self.timers = TimeQueue()
         self.current: Job | None = None
@@ -77,7 +79,7 @@ class Scheduler:
         self._shares: dict[Any, int] = {}
         """The number of jobs of each context."""
         self.latest: Job | None = None
-        """The job to which ``run`` itself gave the last turn."""
+        """The job that had the last turn."""
         self.breaker = Breaker(self)
         self._left = 0
         """The number of turns that are left in this round: they go to the first jobs of ``ready``.  A job that becomes
@@ -116,6 +118,8 @@ class Scheduler:
                 raise refusal
             if context is not None:
                 body = refusal.throw
+        if not share:
+            self._accounts.open(context)
         self._shares[context] = share + 1
         made = Job(self, body, name, context)
         if parent is not None:
@@ -316,21 +320,40 @@ class Scheduler:
                 return now
             self.cycle += 1
             queue.preferred = None
-            self._left = queue.begin_fair_round() if queue.is_fair else len(ready)
+            fair = queue.is_fair
+            if fair:
+                self._accounts.skip()
+                self._left = queue.begin_fair_round()
+            else:
+                self._left = len(ready)
             # Jobs also switch to each other (`hand_over`), which counts their turns: one `_resume` may take many.
             while self._left:
                 self._left -= 1
                 job = ready.popleft()
-                if job is not INTERRUPT:
-                    self._resume(job)  # type: ignore[arg-type]
+                if not isinstance(job, Mark):
+                    self._resume(job)
+                elif job is TURN_END:
+                    self._end_turn()
+                    if self.clock.now() > end:
+                        self._interrupted = True
                 if self._interrupted:
                     self._interrupted = False
-                    # Jobs without their turn: from now on rounds are short, so that no context starves another.
-                    queue.is_fair = queue.is_fair or self._left > 0
+                    # Jobs may be without their turn: from now on rounds are short, so no context starves another.
+                    queue.is_fair = True
+                    self._end_turn()
                     self._run_round_hooks()
                     return now
+            if fair:
+                self._end_turn()
             if self._round_hooks:
                 self._run_round_hooks()
+
+    def _end_turn(self) -> None:
+        """Charge the context of the last turn: in a round that is not fair with all of the round, since a round that is
+        too long most likely ends with the turn that made it so.
+        """
+        if self.latest is not None:
+            self._accounts.charge(self.latest.charged_context, self.clock.now() - self.now)
 
     def run_turn(self) -> float | None:
         """Like ``run``, but give only one job a turn: the job in ``latest``."""
@@ -378,6 +401,7 @@ class Scheduler:
             self._shares[job.charged_context] = share
         else:
             del self._shares[job.charged_context]
+            self._accounts.close(job.charged_context)
         if job.entries:
             for entry in job.entries:
                 entry.remove_job(job)
@@ -439,7 +463,7 @@ class Scheduler:
             job.held = True  # out of the queue until `update_frozen` appends it again
             job.state = states.WAITING if job.state == states.READY else job.state
             return
-        self.current = self.latest = job
+        self.current = job
         job.state = states.RUNNING
         if not job.started:
             job.started = True
@@ -447,10 +471,10 @@ class Scheduler:
                 job.error, job.pending = job.pending, None
                 job.body = None
                 self.ended(job)
-                self.current = None
+                self.latest, self.current = job, None
                 return
             job.carrier = self._pool.assign_carrier(job)
         carrier = job.carrier
         assert carrier is not None
         carrier.coro.switch()
-        self.current = None
+        self.latest, self.current = self.current, None

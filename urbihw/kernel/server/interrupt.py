@@ -16,6 +16,7 @@ from collections.abc import Callable
 from types import FrameType
 
 from urbihw.kernel.lobby.lobby import Lobby
+from urbihw.kernel.recursion import set_recursion_limit
 from urbihw.kernel.sched.breaker import EXTRA_CALLS
 from urbihw.kernel.sched.scheduler import Scheduler
 from urbihw.kernel.sched.signals import Interrupted, JobKilled
@@ -58,8 +59,7 @@ class Interrupter:
         """Handle SIGINT or SIGTERM; ``frame`` is the Python frame that the signal interrupted, None for a key."""
         if number == signal.SIGTERM:
             self.lobby = None
-        usual = sys.getrecursionlimit()
-        sys.setrecursionlimit(usual + EXTRA_CALLS)
+        usual = set_recursion_limit(sys.getrecursionlimit() + EXTRA_CALLS)
         try:
             self._interrupted(frame)
         finally:

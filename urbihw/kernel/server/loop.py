@@ -2,7 +2,8 @@
 
 ``drive()`` runs the scheduler until no job is ready, and arms a timer for the next wake-up.  Each source of events (a
 socket, a timer, a post from another thread) calls it directly, so an answer leaves in the iteration of the loop in
-which the question came in.
+which the question came in.  A run that leaves ready jobs behind is followed by another one only when all sockets have
+been read: the scheduler chooses among all clients that want something, not among those who were heard first.
 
 A watchdog thread monitors the scheduler while it is busy (``watchdog``).
 """
@@ -28,6 +29,8 @@ class LoopDriver:
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.Handle | None = None
         self._driving = False
+        self._reading = False
+        """Whether jobs are left, which are to run when the sockets have been read."""
         self._closed = False
         self._called = False
         """Whether another thread has requested a drive that has not begun.  A second request would only cost time
@@ -52,7 +55,7 @@ class LoopDriver:
 
     def drive(self) -> None:
         """Run all ready jobs, and arm the timer for the next wake-up."""
-        if self._driving or self._closed:
+        if self._driving or self._closed or self._reading:
             return
         self._driving = True
         self._watchdog.begin()
@@ -78,10 +81,18 @@ class LoopDriver:
         if isinstance(clock, LedClock) and clock.is_led and delay > 0:
             return  # the leader of the clock posts the next step
         if delay <= 0:
-            # Not call_soon: input that has arrived on the sockets meanwhile goes first.
-            self._timer = self._loop.call_soon(self.drive)
+            self._reading = True
+            self._timer = self._loop.call_soon(self._read_sockets)
         else:
             self._timer = self._loop.call_later(delay, self.drive)
+
+    def _read_sockets(self) -> None:
+        """Drive after the sockets: asyncio has looked at them, and what it found stands behind this call."""
+        self._timer = self._loop.call_soon(self._drive_on)
+
+    def _drive_on(self) -> None:
+        self._reading = False
+        self.drive()
 
     def close(self) -> None:
         """Stop driving the scheduler.  A second call does nothing."""

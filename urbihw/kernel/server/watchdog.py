@@ -28,6 +28,7 @@ from types import FrameType
 from typing import Any, Final
 
 from urbihw.kernel.lobby.lobby import Lobby, lobby_of
+from urbihw.kernel.recursion import set_recursion_limit
 from urbihw.kernel.sched.breaker import EXTRA_CALLS
 from urbihw.kernel.sched.errors import HeldTooLong
 from urbihw.kernel.sched.job import Job
@@ -219,18 +220,12 @@ class Watchdog:
         """
         if self._handling:
             return
+        usual = set_recursion_limit(sys.getrecursionlimit() + EXTRA_CALLS)
         self._handling = True
-        try:
-            self._break_with_room(frame)
-        finally:
-            self._handling = False
-
-    def _break_with_room(self, frame: FrameType | None) -> None:
-        usual = sys.getrecursionlimit()
-        sys.setrecursionlimit(usual + EXTRA_CALLS)
         try:
             self._break(frame)
         finally:
+            self._handling = False
             sys.setrecursionlimit(usual)
 
     def _break(self, frame: FrameType | None) -> None:
