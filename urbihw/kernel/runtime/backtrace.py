@@ -24,8 +24,11 @@ IMPLIED_CALLS = "__implied_calls__"
 """The name of a table in a module of the kernel: Python function -> the name of the call that it makes for a program
 that does not name it.  A call stack shows this call."""
 MAX_CALLS = 500
-"""Maximum number of calls shown at either end of a call stack; the number of the others is shown instead of them.  An
-error that passes through thousands of jobs has tens of thousands of calls, which take seconds to print."""
+"""Maximum number of calls kept at either end of a call stack; the number of the others is kept instead of them.  An
+error that passes through thousands of jobs has tens of thousands of calls, which take seconds to look up."""
+MAX_SHOWN_CALLS = 19
+"""Maximum number of calls printed at either end of a call stack, so that the report of a recursion without end has 40
+lines: the error stays on the screen."""
 
 
 class LineLookup(Protocol):
@@ -63,6 +66,18 @@ class Stack(NamedTuple):
     location: Any
     routine: str | None
     calls: tuple[CallFrame, ...]
+    left_out: int = 0
+    """How many calls one of ``calls`` stands for."""
+
+    def lines(self) -> list[str]:
+        """The lines of an error message about the calls, innermost first."""
+        calls = self.calls
+        lines = [f"   called from: {frame.location}: {frame.name}" for frame in calls]
+        more = len(calls) - 2 * MAX_SHOWN_CALLS
+        if more <= 1:
+            return lines
+        more += max(0, self.left_out - 1)
+        return [*lines[:MAX_SHOWN_CALLS], f"   ... {more} calls left out", *lines[-MAX_SHOWN_CALLS:]]
 
 
 class NotedCall(NamedTuple):
@@ -192,7 +207,7 @@ def _stack(places: list[NotedCall], hide_system: bool) -> Stack:
     if not flat:
         return NO_STACK
     calls = tuple(frame for frame in flat[1:] if frame.name is not None)
-    return Stack(flat[0].location, flat[0].name, calls)
+    return Stack(flat[0].location, flat[0].name, calls, max(0, left_out))
 
 
 def _flat(places: list[NotedCall]) -> list[CallFrame]:
