@@ -56,7 +56,7 @@ class Callback:
         return lambda var: handler(convert(var.current(owner), 1))
 
     def tell(self, error: Exception, what: str) -> bool:
-        """Report a failure of the handler to the client whose function it is; False if it is none's."""
+        """Report a failure to the client that registered the handler.  Returns False if no client has."""
         return isinstance(self.handler, ClientFunction) and self.handler.tell(error, what)
 
     def is_(self, other: Callback | Handler) -> bool:
