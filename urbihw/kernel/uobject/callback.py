@@ -21,7 +21,7 @@ class ClientFunction(Protocol):
     """A handler that is a function of a client."""
 
     def __call__(self) -> None:
-        """Call the function."""
+        """Call the function with the lobby of its client."""
 
     def tell(self, error: Exception, what: str) -> bool:
         """Report a failure to the client, and what became of it; whether there is such a client."""
