@@ -210,7 +210,7 @@ class World:
         """The members of a container as ``each`` would give them: a snapshot."""
         if items.__class__ is float:
             if items < 0 or not items.is_integer():
-                raise errors.Raised("BadInteger", f"expected positive integer, got {self.text(items)}", "each")
+                raise errors.bad_number("BadInteger", f"expected positive integer, got {self.text(items)}")
             return map(float, range(int(items)))
         if isinstance(items, List) and "each" not in items.slots:
             if self.recorder.active is not None:
