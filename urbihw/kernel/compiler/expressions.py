@@ -26,9 +26,9 @@ from urbihw.kernel.compiler.visit import Maker, make_expr, make_list, make_thunk
 from urbihw.kernel.compiler.writer import Writer
 from urbihw.kernel.syntax import ast
 
-BOUNCED = frozenset(("echo", "wall"))
-"""Functions of Global that bounce the call to the lobby (manual, specs/global): their arguments are evaluated there, so
-an error in one of them has passed through the call."""
+BOUNCED = "echo"
+"""The function of Global that bounces the call to the lobby (manual, specs/global).  The arguments are evaluated there,
+so an error in one of them has passed through the call; not in a call from the lobby itself."""
 MAX_REPEATED = 20
 """Maximum number of nodes of the arguments that are compiled twice: for a strict function, and for a lazy one."""
 
@@ -146,12 +146,12 @@ def make_application(node: ast.Call, w: Writer, function: py.expr, target: py.ex
 
 def make_arguments(node: ast.Call, w: Writer, p: Pos) -> list[py.expr]:
     """The strict arguments of a call: void is an error of the call."""
-    bounced = node.target is None and node.name in BOUNCED
+    bounced = node.target is None and node.name == BOUNCED
 
     def make_argument(argument: ast.Node, w: Writer) -> py.expr:
         outer_entry = w.outer_entry
         if bounced:
-            w.outer_entry = p["lineno"]
+            w.outer_entry = -p["lineno"]
         made = make_expr(argument, w)
         w.outer_entry = outer_entry
         return refuse_void(made, argument, w, node.span)

@@ -36,8 +36,16 @@ class LineLookup(Protocol):
 
     system: bool
 
-    def frames(self, index: int) -> list[CallFrame]:
-        """The urbiscript frames of one instruction, innermost first (a for-each body counts as called by ``each``)."""
+    @property
+    def has_bounced(self) -> bool:
+        """Whether there are arguments of calls that bounce to the lobby."""
+        ...
+
+    def frames(self, index: int, bounces: bool = False) -> list[CallFrame]:
+        """The urbiscript frames of one instruction, innermost first (a for-each body counts as called by ``each``).
+
+        ``bounces``: ``this`` is not the lobby, so that calls of ``echo`` bounce to it.
+        """
         ...
 
 
@@ -54,8 +62,9 @@ class BuiltInCalls:
     def __init__(self, names: tuple[str, ...], system: bool) -> None:
         self._names = names
         self.system = system
+        self.has_bounced = False
 
-    def frames(self, index: int) -> list[CallFrame]:
+    def frames(self, index: int, bounces: bool = False) -> list[CallFrame]:
         """The calls that the built-in makes; they have no location of their own."""
         return [CallFrame(None, name) for name in self._names]
 
@@ -88,6 +97,7 @@ class NotedCall(NamedTuple):
     code: CodeType | None
     """None for a built-in that calls a function."""
     at: int
+    bounces: bool = False
 
 
 _new: Final = tuple.__new__
@@ -187,13 +197,23 @@ def _note(frame: FrameType, at: int, places: list[NotedCall]) -> None:
     names = frame.f_globals
     line_map = names.get(LINE_MAP)
     if line_map is not None:
-        places.append(_new(NotedCall, (line_map, frame.f_code, at)))
+        bounces = line_map.has_bounced and not _is_of_lobby(frame)
+        places.append(_new(NotedCall, (line_map, frame.f_code, at, bounces)))
         return
     routine = frame.f_code.co_name
     if CALLS in names and routine in names[CALLS]:
         places.append(NotedCall(BuiltInCalls(names[CALLS][routine], system=True), None, 0))
     elif IMPLIED_CALLS in names and routine in names[IMPLIED_CALLS]:
         places.append(NotedCall(BuiltInCalls((names[IMPLIED_CALLS][routine],), system=False), None, 0))
+
+
+def _is_of_lobby(frame: FrameType) -> bool:
+    """Whether ``this`` of a frame of generated code is a lobby."""
+    code = frame.f_code
+    for name in (*code.co_varnames[:1], *code.co_freevars):
+        if name.startswith("this_"):
+            return bool(getattr(frame.f_locals.get(name), "is_per_connection", False))
+    return False
 
 
 def _stack(places: list[NotedCall], hide_system: bool) -> Stack:
@@ -214,8 +234,8 @@ def _flat(places: list[NotedCall]) -> list[CallFrame]:
     """The frames of some places.  A call made by a built-in gets the location where the built-in was called."""
     frames = [
         frame
-        for line_map, code, at in places
-        for frame in line_map.frames(0 if code is None else _entry(code, at))
+        for line_map, code, at, bounces in places
+        for frame in line_map.frames(0 if code is None else _entry(code, at), bounces)
     ]
     location = None
     for at in range(len(frames) - 1, -1, -1):

@@ -196,8 +196,9 @@ class Lexer(SourceText):
         return None
 
     def _invalid_character(self) -> bool:
-        """Report the character at the present place.  Returns False if it is not complete yet.  A statement with several
-        typographic quotes gets one report.
+        """Report the character at the present place.  Returns False if it is not complete yet.
+
+        A statement with several typographic quotes gets one report.
         """
         quote = _TYPOGRAPHIC_QUOTE.match(self._buffer, self._at)
         if quote is None and not self._closed and self._buffer[self._at :] in ("\xe2", "\xe2\x80"):
