@@ -1,8 +1,8 @@
 """FormatInfo and Formatter: formats like those of C's printf, and ``format`` of Float and String.
 
 Source: manual, specs/format-info and specs/formatter.  In the default and the fixed format, an integral number is
-printed without decimals, as everywhere in urbiscript.  The manual calls ``=`` centered; recorded answers of the original
-put the padding into the middle of the text, and so does this module.
+printed without decimals, as everywhere in urbiscript.  The manual calls ``=`` centered; recorded answers of the
+original put the padding into the middle of the text, and so does this module.
 """
 
 from __future__ import annotations
