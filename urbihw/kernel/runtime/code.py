@@ -152,6 +152,10 @@ class Code(Executable):
                 raise errors.unexpected_void()
         return self.fn(message.target, message, *self._fill(tuple(values)))
 
+    def call_with(self, message: Value, this: Value, args: tuple[Value, ...]) -> Value:
+        """Run a function that uses the call message, with another message than that of the call."""
+        return self.fn(this, message) if self.info.lazy else self.fn(this, message, *self._fill(args))
+
     def _fill(self, args: tuple[Value, ...]) -> tuple[Any, ...]:
         info = self.info
         given = len(args)
