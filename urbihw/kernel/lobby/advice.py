@@ -34,6 +34,16 @@ INSTEAD: Final = {
     "pop": "the last member of a list is removed by removeBack",
     **dict.fromkeys(("printf", "println", "puts"), _PRINT),
     **dict.fromkeys(("str", "toString"), _TEXT),
+    "forEach": "a function is called with each member by list.each(f)",
+    **dict.fromkeys(("substr", "substring", "slice"), "a part of a String is s[begin, end]"),
+    "charAt": "a character of a String is s[0]",
+    **dict.fromkeys(("upper", "toUpperCase", "toupper"), "capital letters are made by toUpper"),
+    **dict.fromkeys(("lower", "toLowerCase", "tolower"), "small letters are made by toLower"),
+    **dict.fromkeys(("toInt", "toFloat", "toNumber", "parseInt", "parseFloat", "atoi"), "a number is made by asFloat"),
+    **dict.fromkeys(("contains", "includes", "indexOf"), "a member is found by in: 3 in list"),
+    **dict.fromkeys(("rand", "randint"), "a random integer below 100 is 100.random"),
+    "PI": "the constant is called pi",
+    "console": _PRINT,
     "help": 'x.localSlotNames; lists the slots of x, System.documentation(x, "size"); describes one',
     **dict.fromkeys(("exit", "bye", "logout"), _LEAVE),
     **dict.fromkeys(("wait", "delay"), _WAIT),
@@ -61,10 +71,10 @@ def _of_lookup(lobby: Lobby, error: errors.LookupFailed, stack: Stack, statement
     if statement is not None and len(statement.text) <= MAX_LENGTH:
         if _source(statement, stack.location).startswith("'"):
             return f'a String stands between double quotes: "{name}"'
-        binding = re.search(rf"\b(catch|for)\b\W*\(\s*{re.escape(name)}\b", statement.text)
+        binding = re.search(rf"\b(catch|for)\b\W*\(\s*{re.escape(name)}\s*(=?)", statement.text)
         if binding:
-            what = f"catch (var {name})" if binding[1] == "catch" else f"for (var {name} in list)"
-            return f"the variable is declared in the parentheses: {what}"
+            rest = "" if binding[1] == "catch" else " = 0; ..." if binding[2] else " in list"
+            return f"the variable is declared in the parentheses: {binding[1]} (var {name}{rest})"
     if error.target is not lobby and name in lobby.slots:
         return f"{name} is a variable of your connection, which other objects do not see: use var Global.{name}"
     if name in INSTEAD:

@@ -47,8 +47,10 @@ def _of_signs(tokens: list[Token]) -> str:
     return f"the sign stands behind the name: x{sign}" if sign in ("++", "--") else ""
 
 
-def _of_emit(tokens: list[Token]) -> str:
+def _of_pairs(tokens: list[Token]) -> str:
     kinds = [token.kind for token in tokens[-2:]]
+    if kinds == [":", "="]:
+        return "a value is assigned by =, as in x = 3"
     return "an event is emitted by a !, as in e!(1)" if kinds == [".", "emit"] else ""
 
 
@@ -61,8 +63,14 @@ def _of_words(tokens: list[Token]) -> str:
     if before.kind in WANTS_PARENTHESIS and last.kind != "(":
         inside = "1s" if before.kind == "every" else "..."
         return f"what follows {before.kind} stands in parentheses: {before.kind} ({inside})"
+    if before.kind == "NAME" and len(tokens) == 2 and last.kind in ("STRING", "FLOAT", "TIME"):
+        return f"arguments stand in parentheses: {before.text}(...)"
     if last.kind != "NAME":
         return ""
+    if last.text == "extends":
+        return "the prototype stands behind a colon: class A : B { }"
+    if last.text == "except":
+        return "errors are caught by catch: try { f } catch (var e) { echo(e) }"
     if last.text in ("elif", "elseif", "elsif"):
         return "the next condition follows else: if (a) 1 else if (b) 2"
     if before.kind != "NAME":
@@ -72,4 +80,4 @@ def _of_words(tokens: list[Token]) -> str:
     return _variable_advice(before.text)
 
 
-_FINDERS: Final[tuple[Callable[[list[Token]], str], ...]] = (_of_else, _of_signs, _of_emit, _of_words)
+_FINDERS: Final[tuple[Callable[[list[Token]], str], ...]] = (_of_else, _of_signs, _of_pairs, _of_words)
