@@ -35,9 +35,9 @@ def test_an_error_that_nobody_reads_is_not_described(monkeypatch: pytest.MonkeyP
     looked_up: list[int] = []
     frames = LineMap.frames
 
-    def counted(self: LineMap, index: int) -> list[MappedCall]:
+    def counted(self: LineMap, index: int, bounces: bool = False) -> list[MappedCall]:
         looked_up.append(index)
-        return frames(self, index)
+        return frames(self, index, bounces)
 
     monkeypatch.setattr(LineMap, "frames", counted)
     console = Console()

@@ -14,6 +14,7 @@ from typing import Any
 from urbihw.kernel import Kernel
 from urbihw.kernel.runtime.code import Code, LazyPrimitive, Primitive
 from urbihw.kernel.stdlib.documentation import Docstrings
+from urbihw.kernel.syntax.tokens import is_identifier
 from urbihw.robot import ROBOT_LIBRARY
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "reference"
@@ -87,9 +88,16 @@ class Pages:
             content = slots.get(slot)
             said = self._docs.of(value, slot) if slot in slots else self._docs.of_objects(value, slot)
             key = content.source if isinstance(content, Primitive) and content.source.__doc__ else slot
-            shown = f"`{slot if slot.isidentifier() else repr(slot)}{arguments(content)}`"
+            shown = f"`{slot if is_plain(slot) else repr(slot)}{arguments(content)}`"
+            if not is_plain(slot) and slot.isidentifier():
+                shown += " (a keyword, so in quotes)"
             rows.setdefault(key, ([], said))[0].append(shown)
         return [f"- {', '.join(shown)}: {one_line(said)}" for shown, said in rows.values()]
+
+
+def is_plain(slot: str) -> bool:
+    """Whether a slot is used without quotes: it is neither a sign nor a keyword.  ``x.new`` is part of the syntax."""
+    return is_identifier(slot) or slot == "new"
 
 
 def first(text: str) -> str:

@@ -95,11 +95,16 @@ class UrbiProgram:
         # Ctrl-C may be for a program of the console, so only SIGTERM has a deadline.
         self._process = KernelProcess(fatal=(signal.SIGTERM,), second_is_fatal=True)
         self._terminal: Terminal | None = None
-        self.again = False
+        self._rebooting = False
+
+    @property
+    def again(self) -> bool:
+        """Whether the program must be restarted: ``reboot`` was called, and no signal has asked for the end since."""
+        return self._rebooting and not self._process.interrupter.is_ending
 
     def _reboot(self) -> None:
         """Begin an orderly shutdown, after which the program is restarted."""
-        self.again = True
+        self._rebooting = True
         self._process.stop()
 
     async def run(self) -> int:

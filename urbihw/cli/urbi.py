@@ -51,7 +51,7 @@ def parser() -> GetoptParser:
     tuning.add_argument("-F", "--fast", action="store_true", help="simulated time: sleeping costs nothing")
     tuning.add_argument("-s", "--stack-size", type=whole(1, MAX_KB, "size in kilobytes"), metavar="KB",
                         help="accepted and ignored: stacks grow")
-    tuning.add_argument("-q", "--quiet", "--no-banner", action="store_true", help="no banner for clients")
+    tuning.add_argument("-q", "--quiet", "--no-banner", action="store_true", help="no banner and no hints for clients")
     network = made.add_argument_group("networking")
     network.add_argument("-H", "--host", default="127.0.0.1", help="address to listen on (%(default)s)")
     network.add_argument("-P", "--port", type=partial(port, least=-1), default=-1,

@@ -79,7 +79,7 @@ class Config(SettingsTable):
         tls_key: file of the key of the certificate; empty if ``tls_cert`` contains it.
         port: the TCP port; 0 for any free one.
         port_file: file to which the port is written once clients can connect; empty for none.
-        quiet: no banner for new connections.
+        quiet: no banner and no hints behind errors for connections.
         load: urbiscript files to run before clients can connect.
         socket: path of the UNIX socket for clients; empty for ``client_path()``, "off" for none.
         max_clients: maximum number of clients; further ones get a line that says so and are disconnected.

@@ -22,10 +22,13 @@ from urbihw.kernel.compiler.emit import (
 )
 from urbihw.kernel.compiler.operations import CONSTANTS, is_native
 from urbihw.kernel.compiler.operators import make_operator
-from urbihw.kernel.compiler.visit import Maker, make_expr, make_list, make_thunks, make_value
+from urbihw.kernel.compiler.visit import Maker, make_expr, make_list, make_thunks, make_value, refuse_void
 from urbihw.kernel.compiler.writer import Writer
 from urbihw.kernel.syntax import ast
 
+BOUNCED = "echo"
+"""The function of Global that bounces the call to the lobby (manual, specs/global).  The arguments are evaluated there,
+so an error in one of them has passed through the call; not in a call from the lobby itself."""
 MAX_REPEATED = 20
 """Maximum number of nodes of the arguments that are compiled twice: for a strict function, and for a lazy one."""
 
@@ -124,7 +127,7 @@ def make_application(node: ast.Call, w: Writer, function: py.expr, target: py.ex
     args = node.args or ()
     verb = f"c{len(args)}" if len(args) <= 3 else "cn"
     out, w.body.out = w.body.out, []
-    made = make_arguments(w, args, p)
+    made = make_arguments(node, w, p)
     before, w.body.out = w.body.out, out
     found = name("_t", p)
     strict = attr(walrus("_t", function, p), "strict", p)
@@ -141,9 +144,19 @@ def make_application(node: ast.Call, w: Writer, function: py.expr, target: py.ex
     return name(result, p)
 
 
-def make_arguments(w: Writer, args: tuple[ast.Node, ...], p: Pos) -> list[py.expr]:
-    """Strict arguments: void is an error."""
-    made = make_list(w, args, make_value, p)
+def make_arguments(node: ast.Call, w: Writer, p: Pos) -> list[py.expr]:
+    """The strict arguments of a call: void is an error of the call."""
+    bounced = node.target is None and node.name == BOUNCED
+
+    def make_argument(argument: ast.Node, w: Writer) -> py.expr:
+        outer_entry = w.outer_entry
+        if bounced:
+            w.outer_entry = -p["lineno"]
+        made = make_expr(argument, w)
+        w.outer_entry = outer_entry
+        return refuse_void(made, argument, w, node.span)
+
+    made = make_list(w, node.args or (), make_argument, p)
     return made.elts if isinstance(made, py.List) else [py.Starred(made, LOAD, **p)]
 
 
@@ -171,7 +184,7 @@ def make_guarded(node: ast.Call, w: Writer, function: py.expr, target: py.expr, 
     def write(strict: bool) -> None:
         if strict:
             verb = f"c{len(args)}" if len(args) <= 3 else "cn"
-            made = call(attr(name(kept, p), verb, p), [target, *make_arguments(w, args, p)], p)
+            made = call(attr(name(kept, p), verb, p), [target, *make_arguments(node, w, p)], p)
         else:
             sent = [name(kept, p), target, w.this(node, p), const(node.name, p)]
             made = call("lazy_call", [*sent, *make_thunks(w, args, p)], p)

@@ -2,7 +2,8 @@
 
 Generated Python carries no real line numbers: the "line" of each instruction is an index into the table of its unit.
 An entry holds the span of the urbiscript node, the name of the call made there (None without a call), and the entry
-that encloses it as an invisible call: the body of a for-each counts as called by ``each``.
+that encloses it as an invisible call: the body of a for-each counts as called by ``each``.  The number of the enclosing
+entry is negative for the arguments of a call that bounces to the lobby: it counts unless ``this`` is the lobby.
 """
 
 from __future__ import annotations
@@ -30,19 +31,29 @@ class MappedCall(NamedTuple):
 class LineMap:
     """The table of one unit, placed where the statement stood: ``base`` is the position of its first character."""
 
-    __slots__ = ("base", "entries", "syntax", "system")
+    __slots__ = ("_has_bounced", "base", "entries", "syntax", "system")
 
     def __init__(self, entries: list[MappedPlace], base: Position, system: bool, syntax: object) -> None:
         self.entries = entries
         self.base = base
         self.system = system
         self.syntax = syntax
+        self._has_bounced: bool | None = None
 
-    def frames(self, index: int) -> list[MappedCall]:
-        """The urbiscript call frames of one instruction, innermost first."""
+    @property
+    def has_bounced(self) -> bool:
+        """Whether there are arguments of calls that bounce to the lobby."""
+        if self._has_bounced is None:
+            self._has_bounced = any(entry.outer < 0 for entry in self.entries)
+        return self._has_bounced
+
+    def frames(self, index: int, bounces: bool = False) -> list[MappedCall]:
+        """The urbiscript call frames of one instruction, innermost first; ``bounces``: ``this`` is not the lobby."""
         steps = []
         while 0 < index < len(self.entries):
             entry = self.entries[index]
             steps.append(MappedCall(Location.of(entry.span, self.base), entry.name))
             index = entry.outer
+            while index < 0:
+                index = -index if bounces else self.entries[-index].outer
         return steps

@@ -100,10 +100,11 @@ def write_for(node: ast.For, w: Writer, dest: str | None) -> None:
 def write_for_each(node: ast.ForEach, w: Writer, dest: str | None) -> None:
     """``for flavor (var name : items) body``, and ``for flavor (n) body`` with name None."""
     p = w.mark(node)
-    items = make_value(node.items, w)
+    routine = "each" if node.flavor == ";" else "each" + node.flavor
     local = node.bound.local
+    items = call("times" if local is None else "iterate", [make_value(node.items, w)], w.mark(node, routine))
     outer_entry = w.outer_entry
-    w.outer_entry = w.mark(node.body, "each" if node.flavor == ";" else "each" + node.flavor)["lineno"]
+    w.outer_entry = w.mark(node.body, routine)["lineno"]
     if node.flavor == "&":
         write_each_apart(node, w, local, items, p)
     else:
@@ -113,15 +114,14 @@ def write_for_each(node: ast.ForEach, w: Writer, dest: str | None) -> None:
 
 
 def write_each(w: Writer, loop: Loop, node: ast.ForEach, local: Local | None, items: py.expr, p: Pos) -> None:
-    """``for (var x : items) body`` over a snapshot."""
+    """``for (var x : items) body``; ``items`` iterates over a snapshot."""
     after = (lambda: write_yield(w, p)) if node.flavor == ";" else (lambda: None)
     variable = "_each" if local is None else local.python
     turn: list[py.stmt] = []
     if local is not None and local.boxed:
         turn.append(set_(variable, call("Box", [name(variable, p)], p), p))
     turn += make_turn(w, loop, node.body, after, p)
-    verb = "times" if local is None else "iterate"
-    w.emit(py.For(py.Name(variable, STORE, **p), call(verb, [items], p), turn or [py.Pass(**p)], [], None, **p))
+    w.emit(py.For(py.Name(variable, STORE, **p), items, turn or [py.Pass(**p)], [], None, **p))
 
 
 def write_break(node: ast.Break, w: Writer, dest: str | None) -> None:
@@ -214,7 +214,7 @@ def write_parallel_loop(w: Writer, cond: ast.Node | None, body: ast.Node, step: 
 
 
 def write_each_apart(node: ast.ForEach, w: Writer, local: Local | None, items: py.expr, p: Pos) -> None:
-    """``for& (var x : items) body``."""
+    """``for& (var x : items) body``; ``items`` iterates over a snapshot."""
 
     def write(loop: Loop, group: str) -> None:
         variable = "_each" if local is None else local.python
@@ -223,8 +223,7 @@ def write_each_apart(node: ast.ForEach, w: Writer, local: Local | None, items: p
             inside.append(set_(variable, call("Box", [name(variable, p)], p), p))
         turn, before = w.block_of(lambda: make_turn_apart(w, loop, node.body))
         inside += [*before, do(call(attr(name(group, p), "launch", p), [turn], p), p)]
-        verb = "times" if local is None else "iterate"
-        w.emit(py.For(py.Name(variable, STORE, **p), call(verb, [items], p), inside, [], None, **p))
+        w.emit(py.For(py.Name(variable, STORE, **p), items, inside, [], None, **p))
 
     write_apart(w, write, p)
 

@@ -100,10 +100,15 @@ def write_body(node: ast.Node | None, w: Writer, dest: str | None, p: Pos) -> No
 
 def make_value(node: ast.Node, w: Writer, where: Span | None = None) -> py.expr:
     """The value of a node where void is an error, which points at the node or at ``where``."""
-    made = make_expr(node, w)
+    return refuse_void(make_expr(node, w), node, w, node.span if where is None else where)
+
+
+def refuse_void(made: py.expr, node: ast.Node, w: Writer, where: Span) -> py.expr:
+    """An expression that was made of a node, with the check that its value is not void; the error points at
+    ``where``."""
     if is_never_void(node, w):
         return made
-    p = w.mark_span(node.span if where is None else where)
+    p = w.mark_span(where)
     is_value = is_(walrus("_v", made, p), name("VOID", p), p, negated=True)
     return choose(is_value, name("_v", p), call("no_void", [], p), p)
 

@@ -11,6 +11,7 @@ import ipaddress
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
+from urbihw.kernel.lobby.advice import advice
 from urbihw.kernel.lobby.connection_tag import ConnectionTag
 from urbihw.kernel.lobby.lease import ClientLease
 from urbihw.kernel.lobby.output import Output
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from urbihw.kernel.lobby.shell import Programs
     from urbihw.kernel.runtime.world import World
     from urbihw.kernel.sched.tag import Tag
+    from urbihw.kernel.syntax.reader import Statement
 
 
 BROWSER: Final = " (panel)"
@@ -192,12 +194,21 @@ class Lobby(Obj):
         """Run one statement in the running job, as if the client had typed it; raises the errors of the statement."""
         execute(self, text)
 
-    def report(self, error: BaseException) -> None:
-        """Report an uncaught error to the client; never fails, although describing an error may run the client's
-        functions.
+    def report(self, error: BaseException, statement: Statement | None = None) -> None:
+        """Report an uncaught error of a statement to the client; never fails, although describing an error may run the
+        client's functions.
         """
         for line in described(self, error):
             self.output.line(f"!!! {line}", "error")
+        if not self.programs.quiet:
+            self.advise(advice(self, error, statement))
+
+    def advise(self, text: str) -> None:
+        """Tell a client what to write instead of a mistake; nothing for an empty text, and for clients that are to get
+        the answers of the original only.
+        """
+        if text and not self.programs.quiet:
+            self.output.line(f"!!!    hint: {text}", "error")
 
     def close(self) -> None:
         """Close the connection: its jobs end, their ``finally`` clauses run, and ``Lobby.onDisconnect`` is emitted.

@@ -44,7 +44,7 @@ class Programs:
         process: name, arguments, shutdown and reboot of the process.
         exit_status: the exit code that a program requests, None for that of the process.
         listen_port: the TCP port for clients, -1 for none.
-        quiet: whether a new connection gets no banner.
+        quiet: whether connections get no banner and no advice behind an error.
         log: the last lines of the process's log.
     """
 
@@ -320,6 +320,7 @@ class Shell:
             self._lobby.output.line(f"!!! {problem.location}: warning: {problem.message}", "warning")
         else:
             self._lobby.output.line(f"!!! {problem.location}: syntax error: {problem.message}", "error")
+            self._lobby.advise(problem.advice)
 
     def _foreground(self, statement: Statement) -> None:
         lobby = self._lobby
@@ -333,7 +334,7 @@ class Shell:
             if not scope.owns(signal):
                 raise
         except Exception as error:
-            lobby.report(error)
+            lobby.report(error, statement)
         finally:
             scope.exit()
 

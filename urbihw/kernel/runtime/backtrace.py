@@ -24,8 +24,11 @@ IMPLIED_CALLS = "__implied_calls__"
 """The name of a table in a module of the kernel: Python function -> the name of the call that it makes for a program
 that does not name it.  A call stack shows this call."""
 MAX_CALLS = 500
-"""Maximum number of calls shown at either end of a call stack; the number of the others is shown instead of them.  An
-error that passes through thousands of jobs has tens of thousands of calls, which take seconds to print."""
+"""Maximum number of calls kept at either end of a call stack; the number of the others is kept instead of them.  An
+error that passes through thousands of jobs has tens of thousands of calls, which take seconds to look up."""
+MAX_SHOWN_CALLS = 19
+"""Maximum number of calls printed at either end of a call stack, so that the report of a recursion without end has 40
+lines: the error stays on the screen."""
 
 
 class LineLookup(Protocol):
@@ -33,8 +36,16 @@ class LineLookup(Protocol):
 
     system: bool
 
-    def frames(self, index: int) -> list[CallFrame]:
-        """The urbiscript frames of one instruction, innermost first (a for-each body counts as called by ``each``)."""
+    @property
+    def has_bounced(self) -> bool:
+        """Whether there are arguments of calls that bounce to the lobby."""
+        ...
+
+    def frames(self, index: int, bounces: bool = False) -> list[CallFrame]:
+        """The urbiscript frames of one instruction, innermost first (a for-each body counts as called by ``each``).
+
+        ``bounces``: ``this`` is not the lobby, so that calls of ``echo`` bounce to it.
+        """
         ...
 
 
@@ -51,8 +62,9 @@ class BuiltInCalls:
     def __init__(self, names: tuple[str, ...], system: bool) -> None:
         self._names = names
         self.system = system
+        self.has_bounced = False
 
-    def frames(self, index: int) -> list[CallFrame]:
+    def frames(self, index: int, bounces: bool = False) -> list[CallFrame]:
         """The calls that the built-in makes; they have no location of their own."""
         return [CallFrame(None, name) for name in self._names]
 
@@ -63,6 +75,18 @@ class Stack(NamedTuple):
     location: Any
     routine: str | None
     calls: tuple[CallFrame, ...]
+    left_out: int = 0
+    """How many calls one of ``calls`` stands for."""
+
+    def lines(self) -> list[str]:
+        """The lines of an error message about the calls, innermost first."""
+        calls = self.calls
+        lines = [f"   called from: {frame.location}: {frame.name}" for frame in calls]
+        more = len(calls) - 2 * MAX_SHOWN_CALLS
+        if more <= 1:
+            return lines
+        more += max(0, self.left_out - 1)
+        return [*lines[:MAX_SHOWN_CALLS], f"   ... {more} calls left out", *lines[-MAX_SHOWN_CALLS:]]
 
 
 class NotedCall(NamedTuple):
@@ -73,6 +97,7 @@ class NotedCall(NamedTuple):
     code: CodeType | None
     """None for a built-in that calls a function."""
     at: int
+    bounces: bool = False
 
 
 _new: Final = tuple.__new__
@@ -172,13 +197,23 @@ def _note(frame: FrameType, at: int, places: list[NotedCall]) -> None:
     names = frame.f_globals
     line_map = names.get(LINE_MAP)
     if line_map is not None:
-        places.append(_new(NotedCall, (line_map, frame.f_code, at)))
+        bounces = line_map.has_bounced and not _is_of_lobby(frame)
+        places.append(_new(NotedCall, (line_map, frame.f_code, at, bounces)))
         return
     routine = frame.f_code.co_name
     if CALLS in names and routine in names[CALLS]:
         places.append(NotedCall(BuiltInCalls(names[CALLS][routine], system=True), None, 0))
     elif IMPLIED_CALLS in names and routine in names[IMPLIED_CALLS]:
         places.append(NotedCall(BuiltInCalls((names[IMPLIED_CALLS][routine],), system=False), None, 0))
+
+
+def _is_of_lobby(frame: FrameType) -> bool:
+    """Whether ``this`` of a frame of generated code is a lobby."""
+    code = frame.f_code
+    for name in (*code.co_varnames[:1], *code.co_freevars):
+        if name.startswith("this_"):
+            return bool(getattr(frame.f_locals.get(name), "is_per_connection", False))
+    return False
 
 
 def _stack(places: list[NotedCall], hide_system: bool) -> Stack:
@@ -192,15 +227,15 @@ def _stack(places: list[NotedCall], hide_system: bool) -> Stack:
     if not flat:
         return NO_STACK
     calls = tuple(frame for frame in flat[1:] if frame.name is not None)
-    return Stack(flat[0].location, flat[0].name, calls)
+    return Stack(flat[0].location, flat[0].name, calls, max(0, left_out))
 
 
 def _flat(places: list[NotedCall]) -> list[CallFrame]:
     """The frames of some places.  A call made by a built-in gets the location where the built-in was called."""
     frames = [
         frame
-        for line_map, code, at in places
-        for frame in line_map.frames(0 if code is None else _entry(code, at))
+        for line_map, code, at, bounces in places
+        for frame in line_map.frames(0 if code is None else _entry(code, at), bounces)
     ]
     location = None
     for at in range(len(frames) - 1, -1, -1):

@@ -78,7 +78,9 @@ class Executable(Obj):
 
 
 class Getter(Executable):
-    """Makes a plain value callable: a call without arguments gives the value."""
+    """Makes a plain value callable: a call without arguments gives the value, one with arguments is a call of the
+    value's operator ``()`` (manual, release notes of 2.0 beta 3).
+    """
 
     __slots__ = ("value",)
 
@@ -87,10 +89,20 @@ class Getter(Executable):
         self.value = value
 
     def call(self, this: Value, args: tuple[Value, ...]) -> Value:
-        """The value; raises the arity error if there are arguments."""
-        if args:
-            raise errors.arity(len(args), 0)
-        return self.value
+        """The value, or the answer of its operator."""
+        return call_value(self.world, self.value, args)
+
+
+def call_value(world: World, value: Value, args: tuple[Value, ...], routine: str = "") -> Value:
+    """Call a value that is no executable: without arguments it is the result, else its operator ``()`` answers.
+
+    Raises the arity error, about ``routine``, if there are arguments and no operator.
+    """
+    if not args:
+        return value
+    if world.peek_obj(value).find("()") is None:
+        raise errors.arity(len(args), 0, routine=routine)
+    return world.invoke(world.get_slot(value, "()"), value, args, "()")
 
 
 class FunctionDescription(Protocol):
@@ -139,6 +151,10 @@ class Code(Executable):
             if value is self.world.void:
                 raise errors.unexpected_void()
         return self.fn(message.target, message, *self._fill(tuple(values)))
+
+    def call_with(self, message: Value, this: Value, args: tuple[Value, ...]) -> Value:
+        """Run a function that uses the call message, with another message than that of the call."""
+        return self.fn(this, message) if self.info.lazy else self.fn(this, message, *self._fill(args))
 
     def _fill(self, args: tuple[Value, ...]) -> tuple[Any, ...]:
         info = self.info

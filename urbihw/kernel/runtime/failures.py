@@ -123,8 +123,7 @@ class Failures:
                 lines.append(f"   called from: {place}: {stack.routine}")
         else:
             lines = [self._world.text(value)]
-        lines += [f"   called from: {frame.location}: {frame.name}" for frame in stack.calls]
-        return lines
+        return lines + stack.lines()
 
     def exception_text(self, value: Value) -> str:
         """``routine: message`` of an Exception."""

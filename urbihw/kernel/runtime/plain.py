@@ -103,4 +103,4 @@ def plain_error(world: World, error: errors.ThrownError, stack: Stack) -> list[s
         head = message.s if isinstance(message, String) else plain_text(world, error.value)
     if stack.location is not None:
         head = f"{stack.location}: {head}"
-    return [head, *(f"   called from: {frame.location}: {frame.name}" for frame in stack.calls)]
+    return [head, *stack.lines()]

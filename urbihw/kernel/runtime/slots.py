@@ -257,7 +257,8 @@ class SlotOps:
     # ---------------------------------------------------------------- writing
 
     def update_other(self, target: Value, name: str, value: Value) -> Value:
-        """``target.name = value`` in all but the usual case: an inherited slot is copied to the target first.
+        """``target.name = value`` in all but the usual case: an inherited slot, even a constant one, is copied to
+        the target first, unless it is protected (module ``record``).
 
         Returns the value; raises ``lookup failed``, ``cannot modify const slot``, ``unexpected void``.
         """
@@ -272,7 +273,7 @@ class SlotOps:
         if holder is None:
             return obj.fallback_slot(name)
         meta = peek_meta(holder, name)
-        if meta is not None and (meta.accessor is not None or meta.constant):
+        if meta is not None and (meta.accessor is not None or (meta.constant and name in self._protected)):
             return self._write(holder, target, name, value)
         self.put_slot(obj, name, value)
         return value

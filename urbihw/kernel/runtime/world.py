@@ -13,7 +13,7 @@ from urbihw.kernel import errors
 from urbihw.kernel.runtime import convert
 from urbihw.kernel.runtime.arguments import ArgumentChecks
 from urbihw.kernel.runtime.backtrace import failed_in_program
-from urbihw.kernel.runtime.code import Executable, make_primitive
+from urbihw.kernel.runtime.code import Executable, call_value, make_primitive
 from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.failures import Failures
 from urbihw.kernel.runtime.holdings import Holdings
@@ -210,7 +210,7 @@ class World:
         """The members of a container as ``each`` would give them: a snapshot."""
         if items.__class__ is float:
             if items < 0 or not items.is_integer():
-                raise errors.Raised("BadInteger", f"expected positive integer, got {self.text(items)}", "each")
+                raise errors.bad_number("BadInteger", f"expected positive integer, got {self.text(items)}")
             return map(float, range(int(items)))
         if isinstance(items, List) and "each" not in items.slots:
             if self.recorder.active is not None:
@@ -305,9 +305,7 @@ class World:
     def invoke(self, value: Value, this: Value, args: tuple[Value, ...] = (), name: str = "") -> Value:
         """Call a value with a target and evaluated arguments, from native code."""
         if not isinstance(value, Executable):
-            if args:
-                raise errors.arity(len(args), 0, routine=name or "")
-            return value
+            return call_value(self, value, args, name) if args else value
         if not value.strict:
             return value.call_lazy(self.call_message(value, this, args, name))
         return value.call(this, args)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 class Group:
     """The jobs of a block of code; a context manager in the owning job."""
 
-    __slots__ = ("_children", "_joined", "_scheduler", "closed", "owner")
+    __slots__ = ("_children", "_failed", "_joined", "_scheduler", "closed", "owner")
 
     def __init__(self, scheduler: Scheduler) -> None:
         self._scheduler = scheduler
@@ -30,6 +30,8 @@ class Group:
         self._children: dict[Job, None] = {}
         self._joined: Completion[None] | None = None
         """Completed when the last child is over; None while the owner does not join."""
+        self._failed: tuple[BaseException, TracebackType | None] | None = None
+        """The error of a child that was thrown into the owner, with the traceback that it had then."""
         self.closed = False
 
     def __enter__(self) -> Group:
@@ -37,11 +39,13 @@ class Group:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
         if error is not None:
+            self._forget_owner(error)
             self._abandon_for(error)
             return
         try:
             self.join()
         except BaseException as thrown:
+            self._forget_owner(thrown)
             self._abandon_for(thrown)
             raise
 
@@ -70,9 +74,17 @@ class Group:
         self._children.pop(child, None)
         if error is not None and not self.closed and not _concerns_child_only(error):
             self.closed = True
+            self._failed = (error, error.__traceback__)
             self._scheduler.throw(self.owner, error)
         elif not self._children and self._joined is not None:
             self._joined.complete(None)
+
+    def _forget_owner(self, error: BaseException) -> None:
+        """Take the place where the owner was out of the traceback of a child's error: the child was not called from
+        there.
+        """
+        if self._failed is not None and self._failed[0] is error:
+            error.__traceback__ = self._failed[1]
 
     def _abandon_for(self, error: BaseException) -> None:
         """Call ``abandon`` because the block is left by ``error``; errors thrown meanwhile do not replace ``error``."""

@@ -51,8 +51,6 @@ class Job:
         "group",
         "held",
         "name",
-        "nesting",
-        "nested_members",
         "movement",
         "on_end",
         "ordered",
@@ -65,6 +63,7 @@ class Job:
         "state",
         "timer",
         "undo",
+        "walk",
         "wake_left",
     )
 
@@ -96,10 +95,8 @@ class Job:
         """The variable that the job moves at present by a trajectory, and the highest speed of that, in units per
         second; written by the trajectory."""
         self.face: Any = None
-        self.nesting = 0
-        """How many built-in functions that walk a nested structure are in progress, one inside the other."""
-        self.nested_members = 0
-        """The number of members that they have met so far."""
+        self.walk: Any = None
+        """The innermost built-in function in progress that walks a nested structure; written by the library."""
         self.charged_context = context
         """The context in whose number of jobs this job counts; it stays the same when ``context`` changes for a
         while."""

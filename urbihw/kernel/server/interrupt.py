@@ -54,6 +54,8 @@ class Interrupter:
         self._now = now
         self._last = -math.inf
         self._second_is_fatal = second_is_fatal
+        self.is_ending = False
+        """Whether a signal has asked for the end of the process, and not of a program only."""
 
     def __call__(self, number: int = signal.SIGINT, frame: FrameType | None = None) -> None:
         """Handle SIGINT or SIGTERM; ``frame`` is the Python frame that the signal interrupted, None for a key."""
@@ -83,6 +85,7 @@ class Interrupter:
         self._scheduler.post(lobby.shell.interrupt)
 
     def _end(self, frame: FrameType | None) -> None:
+        self.is_ending = True
         if self._second_is_fatal and threading.current_thread() is threading.main_thread():
             signal.signal(signal.SIGINT, signal.SIG_DFL)
         if frame is not None:

@@ -189,9 +189,11 @@ def _ordered(world: World, content: dict[str, Value]) -> list[str]:
 
 @TABLE.primitive("asString", "asPrintable")
 def as_string(world: World, this: Dictionary) -> str:
-    """The dictionary as a literal."""
+    """The dictionary as a literal; ``[...]`` for a dictionary within itself."""
     now = dict(this.d)
-    with NestedWalk(world) as walk:
+    with NestedWalk(world, this) as walk:
+        if walk.inside:
+            return "[...]"
         keys = walk.members(_ordered(world, now))
         content = ", ".join([f"{escaped(key)} => {world.printable(now[key])}" for key in keys])
     return f"[{content or ' => '}]"

@@ -6,6 +6,7 @@ from urbihw.kernel import errors
 from urbihw.kernel.compiler import print_node
 from urbihw.kernel.runtime.code import Code, Executable
 from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.values import CallMessage
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.value import Value
 
@@ -29,17 +30,27 @@ def as_executable(world: World, this: Value) -> Value:
     return this
 
 
-def _apply(world: World, this: Executable, args: list[Value]) -> Value:
+def _with_target(args: list[Value]) -> list[Value]:
     if not args:
         raise errors.primitive("argument list must begin with `this'", "apply")
-    target, *rest = args
+    return args
+
+
+def _apply(world: World, this: Executable, args: list[Value]) -> Value:
+    target, *rest = _with_target(args)
     return world.invoke(this, target, tuple(rest), "apply")
 
 
 @CODE.primitive("apply")
-def apply_code(world: World, this: Executable, args: list) -> Value:  # type: ignore[type-arg]
-    """Call the function with the first member of the list as ``this`` and the others as arguments."""
-    return _apply(world, this, args)
+def apply_code(
+    world: World, this: Code, args: list, message: CallMessage | None = None  # type: ignore[type-arg]
+) -> Value:
+    """Call the function with the first member of the list as ``this`` and the others as arguments; ``message`` is its
+    ``call`` (manual, release notes of 2.0 RC 2)."""
+    if message is None or this.strict:
+        return _apply(world, this, args)
+    target, *rest = _with_target(args)
+    return this.call_with(message, target, tuple(rest))
 
 
 @PRIMITIVE.primitive("apply")

@@ -6,9 +6,11 @@ counts references as the original does, so an object ends immediately with its l
 
 from __future__ import annotations
 
+import itertools
 import weakref
 from typing import Any
 
+from urbihw.kernel.runtime.backtrace import calling_frame
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
@@ -29,15 +31,20 @@ NOTES = {
 
 
 class FinalizableObject(Obj):
-    """An urbiscript Finalizable: its ``finalize`` runs in a job of its own when the last reference goes."""
+    """An urbiscript Finalizable: its ``finalize`` runs in a job of its own when the last reference goes.
 
-    __slots__ = ("_context",)
+    Python ends the members of a list from the last to the first, the original from the first to the last.  So objects
+    that one instruction of a program ends are finalized in the order in which they were made.
+    """
+
+    __slots__ = ("_context", "_number")
     requires_finalizable_heirs = True
 
     def __init__(self, world: World, protos: list[Obj]) -> None:
         super().__init__(world, protos)
         current = world.scheduler.current
         self._context: Any = None if current is None else current.context
+        self._number = next(_endings(world).numbers)
 
     def clone(self) -> FinalizableObject:
         return FinalizableObject(self.world, [self])
@@ -46,7 +53,36 @@ class FinalizableObject(Obj):
         world = self.world
         if world.scheduler.abandoned:
             return  # nothing runs any more, and the job would keep the whole kernel
-        world.scheduler.spawn(lambda: world.send(self, "finalize"), "finalize", context=self._context)
+        frame, context = calling_frame(), self._context
+        ended = _endings(world).at((id(frame), 0 if frame is None else frame.f_lasti, id(context)))
+        ended.append(self)
+
+        def finalize_next() -> None:
+            ended.sort(key=lambda each: -each._number)
+            world.send(ended.pop(), "finalize")
+
+        world.scheduler.spawn(finalize_next, "finalize", context=context)
+
+
+class Endings:
+    """The Finalizables of one world that ended together and are not finalized yet."""
+
+    def __init__(self) -> None:
+        self.numbers = itertools.count()
+        self._instruction: tuple[int, ...] = ()
+        self._ended: list[FinalizableObject] = []
+
+    def at(self, instruction: tuple[int, ...]) -> list[FinalizableObject]:
+        """The objects that an instruction has ended so far."""
+        if instruction != self._instruction:
+            self._instruction, self._ended = instruction, []
+        return self._ended
+
+
+def _endings(world: World) -> Endings:
+    if not world.has_part(Endings):
+        world.install_part(Endings())
+    return world.part(Endings)
 
 
 @FINALIZABLE.primitive("finalize")

@@ -16,6 +16,8 @@ from urbihw.kernel.runtime.world import World
 from urbihw.kernel.value import Value
 
 TABLE = Table("Float")
+WORD_SIZE = 64
+"""The size of the results of shifts, in bits."""
 PROTOS = {"Float": ("Comparable", "Orderable", "RangeIterable")}
 
 NOTES = {
@@ -100,9 +102,14 @@ def _comparison(name: str, compute: Callable[[float, float], bool], doc: str) ->
     TABLE.raw(name, least=1)(make)
 
 
+def _unsigned(world: World, value: Value, index: int | None, name: str) -> int:
+    """An operand of a bitwise operator, which is unsigned (manual, release notes of 2.0 beta 4)."""
+    return whole(world, number(world, value, index, name))
+
+
 def _bits(name: str, compute: Callable[[int, int], int], doc: str) -> None:
     def make(world: World) -> Any:
-        return lambda this, that: float(compute(integer(world, this, None, name), integer(world, that, 1, name)))
+        return lambda this, that: float(compute(_unsigned(world, this, None, name), _unsigned(world, that, 1, name)))
 
     make.__doc__ = doc
     TABLE.raw(name, least=1)(make)
@@ -156,13 +163,11 @@ def near(world: World, this: float, that: Value) -> bool:
     return this == other or abs(this - other) <= 1e-5
 
 
-def _shift(name: str, sign: int, doc: str) -> None:
+def _shift(name: str, shift: Callable[[int, int], int], doc: str) -> None:
     def make(world: World) -> Any:
         def run(this: Value, that: Value) -> float:
-            bits, count = integer(world, this, None, name), sign * integer(world, that, 1, name)
-            if count < 0:
-                return float(bits >> min(-count, 64))
-            return float(_signed_64(bits << min(count, 64)))
+            bits, by = _unsigned(world, this, None, name), _unsigned(world, that, 1, name)
+            return float(shift(bits, min(by, WORD_SIZE)) & (2**WORD_SIZE - 1))
 
         return run
 
@@ -170,19 +175,14 @@ def _shift(name: str, sign: int, doc: str) -> None:
     TABLE.raw(name, least=1)(make)
 
 
-def _signed_64(bits: int) -> int:
-    bits &= 2**64 - 1
-    return bits - 2**64 if bits >= 2**63 else bits
+_shift("<<", operator.lshift, "The bits of this integer moved up, in 64 bits.")
+_shift(">>", operator.rshift, "The bits of this integer moved down.")
 
 
-_shift("<<", 1, "The bits of this integer moved up, in 64 bits.")
-_shift(">>", -1, "The bits of this integer moved down.")
-
-
-@TABLE.primitive("compl")
-def complement(world: World, this: int) -> float:
+@TABLE.raw("compl", least=0)
+def complement(world: World) -> Any:
     """The one's complement of the lower 32 bits of this integer."""
-    return float(~this & 0xFFFFFFFF)
+    return lambda this: float(~_unsigned(world, this, None, "compl") & 0xFFFFFFFF)
 
 
 @TABLE.primitive("++")

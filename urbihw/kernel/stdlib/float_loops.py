@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import random as python_random
-from collections.abc import Iterable
 from typing import Any
 
 from urbihw.kernel import errors
@@ -44,16 +43,12 @@ def _range(world: World, this: float) -> range:
     return range(number)
 
 
-def _below(world: World, this: float) -> Iterable[float]:
-    return map(float, range(whole(world, this)))
-
-
 @TABLE.primitive("each")
 def each(world: World, this: float, function: Value) -> None:
     """Call the function with each integer from 0 up to, but not including, this number; other jobs may run in between.
     Raises BadInteger.
     """
-    members.each(world, this, _below(world, this), function)
+    members.each(world, this, world.iterate(this), function)
 
 
 @TABLE.primitive("each|")
@@ -61,7 +56,7 @@ def each_pipe(world: World, this: float, function: Value) -> None:
     """Call the function with each integer from 0 up to, but not including, this number, without a turn for other jobs.
     Raises BadInteger.
     """
-    for index in _below(world, this):
+    for index in world.iterate(this):
         world.invoke(function, this, (index,))
 
 
@@ -70,7 +65,7 @@ def each_and(world: World, this: float, function: Value) -> None:
     """Call the function with all integers from 0 up to, but not including, this number, in parallel.  Raises
     BadInteger.
     """
-    members.each_apart(world, this, map(float, calls(world, range(whole(world, this)))), function)
+    members.each_apart(world, this, calls(world, [*world.iterate(this)]), function)
 
 
 @TABLE.primitive("times")

@@ -1,7 +1,8 @@
 """FormatInfo and Formatter: formats like those of C's printf, and ``format`` of Float and String.
 
 Source: manual, specs/format-info and specs/formatter.  In the default and the fixed format, an integral number is
-printed without decimals, as everywhere in urbiscript; ``=`` centers the text.
+printed without decimals, as everywhere in urbiscript.  The manual calls ``=`` centered; recorded answers of the
+original put the padding into the middle of the text, and so does this module.
 """
 
 from __future__ import annotations
@@ -226,7 +227,7 @@ def _add_field(slot: str, meaning: str) -> None:
 
 
 for _slot, _meaning in {
-    "alignment": "Where the text goes: -1 left, 0 both ends, 1 right.",
+    "alignment": "Where the text goes: -1 left, 0 both ends (=, with the padding in the middle), 1 right.",
     "alt": "Whether the base of a number is shown.",
     "group": "What is put between thousands.",
     "pad": "What fills the width: a blank or a zero.",

@@ -15,6 +15,7 @@ from urbihw.kernel.runtime.values import CallMessage
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.stdlib import prototype
+from urbihw.kernel.stdlib.members import callable_of
 from urbihw.kernel.stdlib.support import native, send_line
 from urbihw.kernel.value import Value
 
@@ -228,6 +229,7 @@ def install(world: World, programs: Any) -> None:
         world.global_.slots[name] = control.slots[name]
 
     def spawn(this: Value, function: Value, clear: Any) -> Value:
-        return start(lambda: world.invoke(function, this), bool(clear))
+        wanted = callable_of(world, function)
+        return start(lambda: world.invoke(wanted, this), bool(clear))
 
     prototype(world, "System").slots["spawn"] = native(world, "spawn", spawn, 2)

@@ -64,10 +64,12 @@ def _filled(members: list[Value]) -> list[Any]:
 
 
 @TABLE.primitive("asString", "asPrintable")
-def as_string(world: World, this: list[Value]) -> str:
-    """The members' ``asPrintable`` in brackets."""
-    with NestedWalk(world) as walk:
-        return "[" + ", ".join([world.printable(member) for member in walk.members(this)]) + "]"
+def as_string(world: World, this: List) -> str:
+    """The members' ``asPrintable`` in brackets; ``[...]`` for a list within itself."""
+    with NestedWalk(world, this) as walk:
+        if walk.inside:
+            return "[...]"
+        return "[" + ", ".join([world.printable(member) for member in walk.members(this.l)]) + "]"
 
 
 @TABLE.primitive("asList")

@@ -12,6 +12,7 @@ from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.tag import Tag
 from urbihw.kernel.sched.waiting import HandoverQueue
+from urbihw.kernel.stdlib.object import as_string as object_text
 from urbihw.kernel.value import Value
 
 TABLE = Table("Mutex")
@@ -98,5 +99,6 @@ def as_mutex(world: World, this: MutexObject) -> Value:
 
 @TABLE.primitive("asString", "asPrintable")
 def as_string(world: World, this: MutexObject) -> str:
-    """``Mutex_`` and the uid."""
-    return f"{world.type_name(this)}_{world.uid(this)}"
+    """As any object, and not as a Tag."""
+    text: str = object_text(world, this)
+    return text

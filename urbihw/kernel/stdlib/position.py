@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from urbihw.kernel import errors
+from urbihw.kernel.runtime.backtrace import current_stack
 from urbihw.kernel.runtime.location import PositionObject, make_position
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import String
@@ -15,6 +16,8 @@ from urbihw.kernel.stdlib.support import field
 from urbihw.kernel.value import Value
 
 TABLE = Table("Position")
+GLOBAL = Table("Global")
+TABLES = [TABLE, GLOBAL]
 PROTOS = {"Position": ("Orderable", "Comparable")}
 
 NOTES = {
@@ -43,6 +46,13 @@ def init(world: World, this: PositionObject, *args: Value) -> None:
         this.line = integer(world, line, len(args) - 1, "new")
         this.column = integer(world, column, len(args), "new")
         this.file = world.text(name[0]) if name else None
+
+
+@GLOBAL.primitive("__HERE__")
+def here(world: World, this: Value) -> Value:
+    """The Position in the source text where this name stands (manual, release notes of 2.0 beta 3)."""
+    place = current_stack().location
+    return world.nil if place is None else make_position(world, *place.begin)
 
 
 @TABLE.primitive("asString")

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
 from typing import Any, Final, TypeVar
 
+from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.values import List
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.collector import COLLECTOR
@@ -59,37 +60,47 @@ def in_slices(world: World, members: Sequence[T]) -> Iterable[T]:
 
 class NestedWalk:
     """A part of a walk through a nested structure, such as the printing of a list that contains lists: a context
-    manager around each list.  The parts of a walk are counted together, because a list that contains itself many times
-    is small at each level.
+    manager around each list.  The members of all parts of a walk are counted together, because a list that contains
+    itself many times is small at each level.
+
+    ``inside`` tells whether an outer part of the walk is at the same container: a container may contain itself.
     """
 
-    __slots__ = ("_job", "_world")
+    __slots__ = ("_container", "_job", "_met", "_outer", "_whole", "_world", "inside")
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, container: Obj | None = None) -> None:
         self._world = world
         self._job = world.scheduler.current
+        self._container = container
+        self._outer: NestedWalk | None = None if self._job is None else self._job.walk
+        self._whole: NestedWalk = self if self._outer is None else self._outer._whole
+        self._met = 0
+        """The number of members met so far, in the outermost part."""
+        self.inside = container is not None and self._is_inside()
+
+    def _is_inside(self) -> bool:
+        part = self._outer
+        while part is not None and part._container is not self._container:
+            part = part._outer
+        return part is not None
 
     def __enter__(self) -> NestedWalk:
-        job = self._job
-        if job is not None:
-            if not job.nesting:
-                job.nested_members = 0
-            job.nesting += 1
+        if self._job is not None:
+            self._job.walk = self
         return self
 
     def __exit__(self, *failure: object) -> None:
         if self._job is not None:
-            self._job.nesting -= 1
+            self._job.walk = self._outer
 
     def members(self, members: Sequence[T]) -> Iterable[T]:
         """The members of this part, as ``in_slices``; other jobs may run before them if the walk has met more than
         ``MAX_ATOMIC_MEMBERS``.
         """
-        job = self._job
-        if job is not None:
-            job.nested_members += len(members)
-            if job.nested_members > MAX_ATOMIC_MEMBERS:
-                give_way(self._world)
+        whole = self._whole
+        whole._met += len(members)
+        if whole._met > MAX_ATOMIC_MEMBERS:
+            give_way(self._world)
         return in_slices(self._world, members)
 
 

@@ -345,16 +345,18 @@ def edits(world: World, a: str, b: str) -> int:
 
 @TABLE.primitive("closest")
 def closest(world: World, this: str, among: Any) -> Value:
-    """The only member similar to this string: with at most one edit per three characters, or with a difference only in
-    upper and lower case. nil if there is none or more than one."""
+    """The member most similar to this string, the first of equally similar ones; nil if none has at most one edit per
+    three characters (one of two), or a difference only in upper and lower case."""
     names = [_text(world, member) for member in in_slices(world, [*members_of(world, among)])]
-    reach = max(1, len(this) // 3)
-    alike = [name for name in in_slices(world, names) if abs(len(name) - len(this)) <= reach]
-    near = [name for name in in_slices(world, alike) if edits(world, this, name) <= reach]
-    if not near:
+    reach = max(len(this) // 3, min(1, len(this) - 1))
+    nearest, least = None, reach + 1
+    for name in in_slices(world, names):
+        if abs(len(name) - len(this)) <= reach and (number := edits(world, this, name)) < least:
+            nearest, least = name, number
+    if nearest is None:
         lower = this.lower()
-        near = [name for name in in_slices(world, names) if name.lower() == lower]
-    return world.string(near[0]) if len(near) == 1 else world.nil
+        nearest = next((name for name in in_slices(world, names) if name.lower() == lower), None)
+    return world.nil if nearest is None else world.string(nearest)
 
 
 def install(world: World, programs: Any) -> None:

@@ -13,6 +13,7 @@ from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.signals import StopTag
 from urbihw.kernel.sched.tag import Tag, TagEntry
 from urbihw.kernel.sched.timequeue import Timer
+from urbihw.kernel.stdlib.object import as_string as object_text
 
 TABLE = Table("Timeout")
 
@@ -99,8 +100,9 @@ def init(world: World, this: TimeoutObject, duration: float, throws: bool = True
 
 @TABLE.primitive("asString", "asPrintable")
 def as_string(world: World, this: TimeoutObject) -> str:
-    """``Timeout_`` and the uid."""
-    return f"{world.type_name(this)}_{world.uid(this)}"
+    """As any object, and not as a Tag."""
+    text: str = object_text(world, this)
+    return text
 
 
 @TABLE.primitive("timedOut")

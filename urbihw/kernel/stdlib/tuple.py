@@ -93,8 +93,10 @@ def init(world: World, this: Tuple, members: list[Value]) -> None:
 
 @TUPLE.primitive("asString", "asPrintable")
 def as_string(world: World, this: Tuple) -> str:
-    """The members' ``asPrintable`` in parentheses, as a literal."""
-    with NestedWalk(world) as walk:
+    """The members' ``asPrintable`` in parentheses, as a literal; ``(...)`` for a tuple within itself."""
+    with NestedWalk(world, this) as walk:
+        if walk.inside:
+            return "(...)"
         content = ", ".join([world.printable(member) for member in walk.members(this.l)])
     return f"({content},)" if len(this.l) == 1 else f"({content})"
 

@@ -14,6 +14,7 @@ NOTES = {
     "void.isVoid": "Always true.",
     "void.acceptVoid": "A stand-in for void that may be used as a value.",
     "void.unacceptVoid": "This value.",
+    "void.uid": "A string that identifies void uniquely; only the stand-in can be asked for it.",
     "void.asString": "The string void.",
     "void.asPrintable": "The string void.",
     "void.asToplevelPrintable": "The string void; the top level itself prints nothing for void.",
@@ -31,3 +32,4 @@ def install(world: World, programs: Any) -> None:
         for name in ("asString", "asPrintable", "asToplevelPrintable"):
             void.slots[name] = native(world, name, lambda this: world.string("void"), 0)
     accepted.slots["type"] = world.string("void")
+    accepted.slots["uid"] = native(world, "uid", lambda this: world.string(world.uid(this)), 0)

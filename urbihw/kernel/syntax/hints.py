@@ -44,7 +44,7 @@ def hint(text: str, span: Span, base: Position) -> str:
     """
     if len(text) > MAX_LENGTH:
         return ""
-    tokens = _tokens_up_to(text, span)
+    tokens = tokens_up_to(text, span)
     if not tokens or tokens[-1].span[:2] != span[:2]:
         return ""
     word = _later_feature(tokens) or _misspelt_keyword(tokens)
@@ -57,7 +57,7 @@ def hint(text: str, span: Span, base: Position) -> str:
     return f" (missing {sign} at {Position(end.end_line, end.end_column).after(base)})"
 
 
-def _tokens_up_to(text: str, span: Span) -> list[Token]:
+def tokens_up_to(text: str, span: Span) -> list[Token]:
     """The tokens up to the unexpected one."""
     lexer = Lexer([])
     lexer.feed(text)

@@ -61,6 +61,7 @@ _UNFINISHED_ESCAPE = re.compile(r"\\(?:[0-7]{1,2}|x[0-9A-Fa-f]?|B(?:\((?:[0-9]{1
 # The old literal `BIN size keywords;data`.  The keywords are limited, or each packet would scan them again.
 _BINARY = re.compile(r"BIN[ \t\r\n]+([0-9]{1,15})([^;]{0,1000});")
 _UNFINISHED_BINARY = re.compile(r"BIN(?:[ \t\r\n]+(?:[0-9]{1,15}[^;]{0,1000})?)?\Z")
+_TYPOGRAPHIC_QUOTE = re.compile("\xe2\x80[\x98-\x9f]")
 
 
 class Lexer(SourceText):
@@ -79,6 +80,13 @@ class Lexer(SourceText):
         self._missing = 0
         self._started = (1, 1)
         self._keywords = ""
+        self._met_quote = False
+        """Whether the current statement has a typographic quote."""
+
+    def take_text(self) -> str:
+        """End the statement; its text, from ``base`` to the last character read."""
+        self._met_quote = False
+        return super().take_text()
 
     def next(self) -> Token | None:
         """The next token; None if the input so far has no further complete one."""
@@ -94,8 +102,8 @@ class Lexer(SourceText):
             if match is None:
                 if not self._skip_blanks():
                     return None
-                if self._at == begin:
-                    self._invalid_character()
+                if self._at == begin and not self._invalid_character():
+                    return None
                 continue
             kind = match.lastgroup
             assert kind is not None
@@ -187,12 +195,22 @@ class Lexer(SourceText):
         self._problem(f"invalid token: `{match['number']}'", span)
         return None
 
-    def _invalid_character(self) -> None:
-        character = self._buffer[self._at]
-        shown = "" if character == "\0" else escaped(character)
-        span = self._span(self._at, self._at + 1)
-        self._at += 1
-        self._problem(f"invalid character: `{shown}'", span)
+    def _invalid_character(self) -> bool:
+        """Report the character at the present place.  Returns False if it is not complete yet.
+
+        A statement with several typographic quotes gets one report.
+        """
+        quote = _TYPOGRAPHIC_QUOTE.match(self._buffer, self._at)
+        if quote is None and not self._closed and self._buffer[self._at :] in ("\xe2", "\xe2\x80"):
+            return False
+        characters = self._buffer[self._at] if quote is None else quote[0]
+        shown = "" if characters == "\0" else escaped(characters)
+        span = self._span(self._at, self._at + len(characters))
+        self._at += len(characters)
+        if quote is None or not self._met_quote:
+            self._problem(f"invalid character: `{shown}'", span)
+        self._met_quote = self._met_quote or quote is not None
+        return True
 
     # ------------------------------------------------------------ strings and binaries
 

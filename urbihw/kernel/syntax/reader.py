@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from urbihw.kernel.errors import TOO_DEEP
+from urbihw.kernel.syntax.advice import advice
 from urbihw.kernel.syntax.ast import Node
 from urbihw.kernel.syntax.hints import hint
 from urbihw.kernel.syntax.lexer import Lexer
@@ -51,11 +52,12 @@ class Statement(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class SyntaxProblem:
-    """A syntax error, or a warning; the message has no ``syntax error:`` in front."""
+    """A syntax error, or a warning; the message has no ``syntax error:`` in front, ``advice`` is for beginners."""
 
     message: str
     location: Location
     warning: bool = False
+    advice: str = ""
 
 
 Item = Statement | SyntaxProblem
@@ -236,13 +238,15 @@ class StatementReader:
         node, ending = parser.take_command(pace)
         lines, end_column = lexer.extent
         text, base = lexer.take_text(), lexer.base
-        broken = False
+        broken, told = False, ""
         for problem in parser.problems:
             pace.step()
             message = problem.message
             if message.startswith(UNEXPECTED):
                 message += hint(text, problem.span, base)
-            items.append(SyntaxProblem(message, Location.of(problem.span, base), problem.warning))
+            told, before = advice(problem.message, text, problem.span), told
+            place = Location.of(problem.span, base)
+            items.append(SyntaxProblem(message, place, problem.warning, "" if told == before else told))
             broken = broken or not problem.warning
         if node is not None and not broken:
             separator = "" if ending.kind == "END" else ending.kind

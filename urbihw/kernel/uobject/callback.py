@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from types import FunctionType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from urbihw.kernel.uobject.convert import converter, hints_of
 from urbihw.kernel.uobject.registry import registry_of
@@ -14,6 +14,17 @@ if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
 Handler = Callable[..., Any]
+
+
+@runtime_checkable
+class ClientFunction(Protocol):
+    """A handler that is a function of a client."""
+
+    def __call__(self) -> None:
+        """Call the function with the lobby of its client."""
+
+    def tell(self, error: Exception, what: str) -> bool:
+        """Report a failure to the client, and what became of it; whether there is such a client."""
 
 
 class Callback:
@@ -43,6 +54,10 @@ class Callback:
             return handler
         convert, owner = converter(world, wanted), self._owner
         return lambda var: handler(convert(var.current(owner), 1))
+
+    def tell(self, error: Exception, what: str) -> bool:
+        """Report a failure to the client that registered the handler.  Returns False if no client has."""
+        return isinstance(self.handler, ClientFunction) and self.handler.tell(error, what)
 
     def is_(self, other: Callback | Handler) -> bool:
         """Whether ``other`` is this callback, or the handler of this callback."""

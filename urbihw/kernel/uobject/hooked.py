@@ -111,7 +111,7 @@ class Hooked(Executable):
         self.writable = True
         self.effector: WriteGuard | None = None
         """The check before each write, if the variable moves an effector; else None."""
-        self.remove_throwing = True
+        self.remove_throwing = registry.remove_throwing
         self.mirror: Mirror | None = None
         self.writer: Subscriber | None = None
         self.subscribers: dict[Subscriber, bool] | None = None
@@ -339,12 +339,16 @@ class Hooked(Executable):
                 self._failed(callback, error)
 
     def _failed(self, callback: Callback, error: Exception) -> None:
-        """Report the exception of a callback, and remove the callback unless ``remove_throwing`` is off."""
+        """Report the exception of a callback, to the client whose function it is or else in the log, and remove the
+        callback unless ``remove_throwing`` is off.
+        """
         if self.remove_throwing:
             self._keep(lambda kept: kept is not callback)
-        reason = "; ".join(self.world.describe(error)) if isinstance(error, errors.ThrownError) else repr(error)
         end = "removed because it failed" if self.remove_throwing else "failed"
-        log.error("callback on %s %s: %s", self.name, end, reason)
+        what = f"callback on {self.name} {end}"
+        if not callback.tell(error, what):
+            reason = "; ".join(self.world.describe(error)) if isinstance(error, errors.ThrownError) else repr(error)
+            log.error("%s: %s", what, reason)
 
     def _keep(self, wanted: Callable[[Callback], bool]) -> None:
         self._owner_change = tuple(filter(wanted, self._owner_change))

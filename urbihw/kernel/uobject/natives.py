@@ -97,6 +97,14 @@ class _NativeCallback:
         finally:
             job.context = before
 
+    def tell(self, error: Exception, what: str) -> bool:
+        """Report a failure to the connection that registered the function; False if there is none."""
+        if self.context is None:
+            return False
+        self.context.report(error)
+        self.context.output.line(f"!!!    {what}", "error")
+        return True
+
 
 @UVAR.primitive("unnotify")
 def unnotify(world: World, this: UVar) -> None:
@@ -240,6 +248,27 @@ class HookChanged:
         return value
 
 
+class RemoveThrowing:
+    """The slot ``removeThrowingCallbacks`` of a variable: whether a callback that fails is removed; in UVar, the
+    initial value for new variables (manual, release notes of 2.0 RC 2).
+    """
+
+    def __init__(self, registry: Registry) -> None:
+        self._registry = registry
+
+    def read(self, target: Value) -> Value:
+        """Whether a function given to ``notifyChange`` or ``notifyAccess`` is removed when it fails."""
+        return self._registry.world.boolean(self._of(target).remove_throwing)
+
+    def write(self, target: Value, value: Value) -> Value:
+        """Switch the removal on or off."""
+        self._of(target).remove_throwing = bool(value)
+        return value
+
+    def _of(self, target: Value) -> UVar | Registry:
+        return target if isinstance(target, UVar) else self._registry
+
+
 def install(world: World, programs: TextRunner) -> Host:
     """Install UObject, UVar, ``uobjects`` and ``uobjects_handle`` in Global; returns the host of the world's
     devices.
@@ -257,9 +286,9 @@ def install(world: World, programs: TextRunner) -> Host:
     world.uobject_proto.slots["load"] = 1.0
     UOBJECTS.install(world, registry.holder)
     SYSTEM.install(world, slots["System"])
-    hook = HookChanged(registry)
-    world.uvar_proto.slots["hookChanged"] = make_primitive(world, "hookChanged", hook.read, 0, 0)
-    meta_of(world.uvar_proto, "hookChanged").accessor = hook
+    for name, switch in (("hookChanged", HookChanged(registry)), ("removeThrowingCallbacks", RemoveThrowing(registry))):
+        world.uvar_proto.slots[name] = make_primitive(world, name, switch.read, 0, 0)
+        meta_of(world.uvar_proto, name).accessor = switch
     slots["uobjects_handle"] = Plain(world, [world.object])
     world.flush()
     return host

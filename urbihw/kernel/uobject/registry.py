@@ -40,7 +40,8 @@ class Registry:
     """The devices of one world: ``registry_of(world)``.
 
     ``holder`` is urbiscript's ``uobjects``; its slots are the classes and instances, by their unique names.
-    ``hook_changed`` is ``UVar.hookChanged``: whether new variables have the ``changed`` event.
+    ``hook_changed`` is ``UVar.hookChanged``: whether new variables have the ``changed`` event.  ``remove_throwing`` is
+    ``UVar.removeThrowingCallbacks``, the initial value for new variables.
     """
 
     def __init__(self, world: World, holder: Obj, host: ModuleHost, hook_changed: bool) -> None:
@@ -50,6 +51,7 @@ class Registry:
         self.stats = Stats()
         self.threads = Threads(world.scheduler)
         self.hook_changed = hook_changed
+        self.remove_throwing = True
         self.thread = threading.get_ident()
         self.connections: dict[Any, Any] = {}
         """Lobby -> connection of the remote that uses the lobby."""

@@ -1,0 +1,102 @@
+"""Advice behind the errors of beginners: what each mistake is told, and that nobody else is told anything."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import pytest
+
+from urbihw.kernel import Kernel
+from urbihw.kernel.lobby.lobby import Lobby
+from urbihw.kernel.sched.clock import SimClock
+
+shared_kernel = cache(lambda: Kernel(SimClock()))
+HINT = "!!!    hint: "
+CASES = {
+    "var gain = 2| class Amp { function out(x) { x * gain } }| Amp.out(3);":
+        "gain is a variable of your connection, which other objects do not see: use var Global.gain",
+    "speed = 3;": "a new variable is declared with var: var speed = ...",
+    "class P { function init(a) {} }|; P(3);": "an object of this kind is made by new: P.new(...)",
+    "echo('hi');": 'a String stands between double quotes: "hi"',
+    "try { 1/0 } catch (e) { echo(e) };": "the variable is declared in the parentheses: catch (var e)",
+    "for (i in [1, 2]) echo(i);": "the variable is declared in the parentheses: for (var i in list)",
+    "for i in [1, 2] echo(i);": "the variable is declared in parentheses: for (var i in list) echo(i)",
+    "class S { function f() { self.x } }|; S.f;": "the object itself is called this",
+    "if (false) 1; else 2;": "there is no ; before else: if (c) 1 else 2",
+    "if (false) 1 elif (true) 2;": "the next condition follows else: if (a) 1 else if (b) 2",
+    "every 1s echo(1);": "what follows every stands in parentheses: every (1s)",
+    "while true { 1 };": "what follows while stands in parentheses: while (...)",
+    "var e = Event.new|; e.emit(1);": "an event is emitted by a !, as in e!(1)",
+    "echo(\xe2\x80\x9chi\xe2\x80\x9d);": 'a String stands between straight quotes: "hi"',
+    "NULL;": "no value at all is nil",
+    "def f(x) { x };": "a function is declared like this: function f(x) { x + 1 }",
+    "int n = 3;": "a variable is declared with var: var x = 1",
+    "let n = 3;": "a variable is declared with var: var x = 1",
+    "++i;": "the sign stands behind the name: x++",
+    "[1, 2].length;": "the number of members is x.size",
+    "[1].push(2);": "a value is added to a list by <<, as in list << 3",
+    "str(3);": "the text of a value is x.asString",
+    "print(3);": "a value is printed by echo(x)",
+    "help;": 'x.localSlotNames; lists the slots of x, System.documentation(x, "size"); describes one',
+    "for (i = 0; i < 3; i++) echo(i);": "the variable is declared in the parentheses: for (var i = 0; ...)",
+    'echo "hi";': "arguments stand in parentheses: echo(...)",
+    "sleep 1s;": "arguments stand in parentheses: sleep(...)",
+    "class A extends Object { };": "the prototype stands behind a colon: class A : B { }",
+    "try { 1 } except { 2 };": "errors are caught by catch: try { f } catch (var e) { echo(e) }",
+    "var x = 1|; x := 2;": "a value is assigned by =, as in x = 3",
+    "[1].forEach(function (x) {});": "a function is called with each member by list.each(f)",
+    '"abc".substr(1);': "a part of a String is s[begin, end]",
+    '"abc".upper;': "capital letters are made by toUpper",
+    '"1".toInt;': "a number is made by asFloat",
+    "[1].contains(1);": "a member is found by in: 3 in list",
+    "rand();": "a random integer below 100 is 100.random",
+    "Math.PI;": "the constant is called pi",
+    "exit;": "quit; ends the connection, shutdown; the server",
+}
+WITHOUT = (
+    "nowhere;", "1.nowhere;", "sin(1, 2);", "1 / 0;", "]", "1 + * 2;", "hi();", "try { NULL } catch {};", "throw 1;",
+    "function f() { hi }|; f;", "1 = 2;", "#;", "P.new;", "Object.new.setSlot;",
+)  # fmt: skip
+
+
+def say(text: str, quiet: bool = False) -> list[str]:
+    """What a new connection is told."""
+    kernel = shared_kernel()
+    kernel.programs.quiet = True
+    lobby: Lobby = kernel.open_lobby()
+    kernel.programs.quiet = quiet
+    lobby.feed(text.encode("latin-1"))
+    kernel.run()
+    return [line.partition("] ")[2] for line in lobby.output.take_bytes().decode("latin-1").splitlines()]
+
+
+@pytest.mark.parametrize("typed", CASES)
+def test_a_mistake_is_followed_by_one_hint(typed: str) -> None:
+    said = say(typed)
+    hints = [line.removeprefix(HINT) for line in said if line.startswith(HINT)]
+    assert hints == [CASES[typed]]
+    assert said.index(HINT + hints[0]) > 0  # the error itself comes first
+
+
+@pytest.mark.parametrize("typed", WITHOUT)
+def test_other_errors_have_none(typed: str) -> None:
+    assert not any("hint" in line for line in say(typed))
+
+
+def test_typographic_quotes_are_one_error() -> None:
+    said = say("var x = \xe2\x80\x9chi\xe2\x80\x9d + \xe2\x80\x98ho\xe2\x80\x99; 1;")
+    assert said[0] == r"!!! 1.9-11: syntax error: invalid character: `\xe2\x80\x9c'"
+    assert said[2:] == ["1"]
+
+
+def test_answers_of_the_original_only() -> None:
+    assert say("speed = 3;", quiet=True) == ["!!! 1.1-5: lookup failed: speed (possible misspelling of sleep)"]
+
+
+def test_a_quote_that_arrives_in_two_packets() -> None:
+    kernel = shared_kernel()
+    lobby = kernel.open_lobby()
+    for part in (b"\xe2\x80", b"\x9chi;\n"):
+        lobby.feed(part)
+        kernel.run()
+    assert lobby.output.take_bytes().count(b"invalid character") == 1
