@@ -12,7 +12,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from doc_sessions import blocks, differences
+from doc_sessions import blocks, differences, differences_again
 from lang.transcript import Player
 
 from urbihw.kernel.lobby.lobby import Lobby
@@ -107,6 +107,17 @@ class Windows:
         assert self.player.run(lobby, text) == ""
         return lobby.output.take_bytes()
 
+    def leave(self) -> None:
+        """Close all connections."""
+        while self._lobbies:
+            self._lobbies.popitem()[1].close()
+
+    def play_twice(self, page: Path, world: str) -> str:
+        """Play a page, and again by new connections; what differed, or nothing."""
+        found = differences(page, world, self.play, no_robot, stamps=True)
+        self.leave()
+        return found or differences_again(page, world, self.play, no_robot)
+
 
 def no_robot(words: str) -> None:
     """A page without a robot cannot do anything to one."""
@@ -128,7 +139,7 @@ def test_answers_of_urbiscript_are_those_given(tmp_path: Path, monkeypatch: pyte
         folder = tmp_path / str(number)
         folder.mkdir()
         monkeypatch.chdir(folder)  # some pages write files
-        if found := differences(page, "", Windows().play, no_robot, stamps=True):
+        if found := Windows().play_twice(page, ""):
             wrong[page.name] = found
     assert wrong == {}
 
@@ -139,7 +150,7 @@ def test_answers_of_the_servo_example_are_those_given(monkeypatch: pytest.Monkey
     for page in pages_with("servo"):
         windows = Windows()
         importlib.import_module("servo_demo").register(windows.player.kernel)
-        if found := differences(page, "servo", windows.play, no_robot, stamps=True):
+        if found := windows.play_twice(page, "servo"):
             wrong[page.name] = found
     assert wrong == {}
 
@@ -157,6 +168,17 @@ def test_a_block_in_an_unknown_world_is_a_mistake(tmp_path: Path) -> None:
 def test_an_answer_never_given_is_noticed(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text("```urbiscript\n1 + 1;\n[00000000] 3\n```\n")
-    assert differences(page, "", Windows().play, no_robot, stamps=True) == (
+    assert Windows().play_twice(page, "") == (
         "line 2:\n--- expected\n+++ answered\n@@ -1 +1 @@\n-[00000000] 3\n+[00000000] 2"
     )
+
+
+def test_a_block_that_differs_the_second_time_has_to_say_why(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    text = "```urbiscript{}\nvar Global.once = 1;\n[00000000] 1\n```\n"
+    page.write_text(text.format(""))
+    assert Windows().play_twice(page, "").startswith("again, line 2:")
+    page.write_text(text.format(" differs: it is there by then"))
+    assert Windows().play_twice(page, "") == ""
+    page.write_text("```urbiscript differs: nobody knows\n1;\n[00000000] 1\n```\n")
+    assert Windows().play_twice(page, "") == "line 2: it no longer differs: nobody knows"

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
@@ -17,10 +18,12 @@ from urbihw.cli import calibrate
 from urbihw.cli.bars import RangeDisplay
 from urbihw.cli.dialogue import Dialogue
 from urbihw.cli.main import main, parser
-from urbihw.cli.servo_verbs import VerbJob
+from urbihw.cli.servo_verbs import VerbJob, devices
+from urbihw.platforms import find
 from urbihw_fakes.feetech.bus import FeetechBus
 from urbihw_fakes.feetech.console import commands as feetech_commands
 from urbihw_fakes.feetech.servo import FeetechServo
+from urbihw_fakes.so101 import So101
 
 
 class Terminal(io.StringIO):
@@ -116,6 +119,40 @@ def test_a_calibration_of_lerobot_is_written_into_a_feetech_arm(tmp_path: Path) 
     assert pan.registers.read(31, 2) == (1470 | 1 << 11).to_bytes(2, "little")
     assert pan.registers.read(9, 4) == bytes([700 & 255, 700 >> 8, 3400 & 255, 3400 >> 8])
     assert roll.registers.read(31, 2) == bytes([85, 0])
+
+
+def test_the_file_of_an_arm_has_the_joints_that_lerobot_looks_for(tmp_path: Path) -> None:
+    arm = So101()
+    rig = LineRig([], kit=arm)
+    turns = [(joint, angle) for joint in range(1, 7) for angle in (20, -40, 20)]
+    words = feetech_commands(arm, rig.clock.now, {})
+
+    def hand() -> str | None:
+        if not turns:
+            return "\n"
+        words["turn"].run([str(value) for value in turns.pop(0)])
+        return None
+
+    work, _ = job(rig, f"URL --out {tmp_path / 'follower.json'}", (None, ""), (None, ""))
+    calibrate.calibrate(work, {}, RangeDisplay(io.StringIO()), hand)
+    # What LeRobot 0.4 and 0.6 do with it: draccus makes a MotorCalibration of each entry, which has these fields and
+    # no others; `so_follower.py` then looks them up by the names of its motors.
+    rows = json.loads((tmp_path / "follower.json").read_text())
+    assert list(rows) == ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper"]
+    assert [row.pop("id") for row in rows.values()] == [1, 2, 3, 4, 5, 6]
+    for row in rows.values():
+        assert list(row) == ["drive_mode", "homing_offset", "range_min", "range_max"]
+        assert {type(value) for value in row.values()} == {int}
+
+
+def test_servos_that_are_no_arm_keep_their_numbers() -> None:
+    def names(*units: FeetechServo) -> Mapping[str, int]:
+        return calibrate.names_of_arm(devices(job(LineRig([], kit=FeetechBus(units)), "URL --out x")[0]))
+
+    arm = [FeetechServo("STS3215", number) for number in range(1, 7)]
+    assert names(*arm) == find("so101").joints
+    assert names(*arm[:-1]) == names(*arm, FeetechServo("STS3215", 7)) == {}
+    assert names(*arm[:-1], FeetechServo("STS3250", 6)) == {}
 
 
 def test_joints_that_were_not_moved_are_asked_for_and_left_out(tmp_path: Path) -> None:
@@ -215,6 +252,8 @@ def test_names_come_from_a_list_or_from_the_settings(tmp_path: Path) -> None:
     assert calibrate.joint_names("hip_l=3, hip_r=4", None) == {"hip_l": 3, "hip_r": 4}
     assert calibrate.joint_names(None, None) == {}
     settings = tmp_path / "robot.toml"
+    settings.write_text('platform = "so101"\n')
+    assert calibrate.joint_names(None, settings) == find("so101").joints
     settings.write_text('platform = "bioloid"\n[devices]\nhip_l = 3\n[devices.hip_r]\nid = 4\n')
     assert calibrate.joint_names(None, settings) == {"hip_l": 3, "hip_r": 4}
     with pytest.raises(BadCalibration, match="write each name once"):

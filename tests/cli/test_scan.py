@@ -121,6 +121,7 @@ def test_a_port_whose_speed_does_not_count_is_told(
     said = capsys.readouterr().out
     assert "the same servos answer at 14 speeds: this port does not set its speed" in said
     assert "servos of several speeds" not in said
+    assert said.count("AX-12A") == 2 and "  2 found in " in said
 
 
 def test_a_scan_for_programs(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -167,6 +167,28 @@ def test_the_state_of_a_behaviour_of_the_robot_is_not_put_back() -> None:
     assert b"false" in second.output.take_bytes()
 
 
+def test_what_kind_of_robot_it_is_may_be_said(caplog: pytest.LogCaptureFixture) -> None:
+    stage = Stage("chain")
+    stage.lab.say('robot.type = "humanoid";')
+    assert stage.mended() == []
+    assert stage.lab.look("robot.type") == '"humanoid"'
+    assert "library" not in caplog.text
+
+
+def test_the_devices_of_a_robot_that_a_program_made_are_its_own() -> None:
+    kernel = Kernel(clock=SimClock(), libraries=(ROBOT_LIBRARY,))
+    kernel.complete()
+    first = kernel.open_lobby()
+    kernel.feed(
+        first,
+        b"class Wheel { var val = 0 }; var Global.robot = Component.new(\"robot\");"
+        b"robot.addDevice(\"wheel\", Wheel.new.addProto(Interface.RotationalMotor));"
+        b"robot.makeCompactNames; wheel.val = 2;",
+    )
+    kernel.scheduler.run_simulated(0.1)
+    assert kernel.world.record.check() == []
+
+
 def test_devices_that_are_found_later_are_no_change(caplog: pytest.LogCaptureFixture) -> None:
     stage = Stage("bioloid")
     slots = stage.world.global_.slots

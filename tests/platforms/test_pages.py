@@ -7,10 +7,11 @@ import shutil
 from pathlib import Path
 
 import pytest
-from doc_sessions import WORLDS, blocks, differences
+from doc_sessions import WORLDS, blocks, differences, differences_again
 from lab import RobotLab
 
 from urbihw.kernel.lobby.lobby import Lobby
+from urbihw.kernel.uobject.protection import protect_robot
 from urbihw.platforms import find
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -28,6 +29,9 @@ class Windows:
 
     def __init__(self, robot: str) -> None:
         self.lab: RobotLab = importlib.import_module(f"{robot}_lab").Lab.ready()
+        # As in the daemon.
+        protect_robot(self.lab.robot, find(robot).slot)
+        self.lab.kernel.complete()
         self._console = self.lab.console()
         self._lobbies: dict[str, Lobby] = {}
 
@@ -42,6 +46,12 @@ class Windows:
         self.lab.run(0)
         self.lab.until(lambda: self.lab.thought() and bool(idle), patience=120)
         return lobby.output.take_bytes()
+
+    def leave(self) -> None:
+        """Close all connections."""
+        while self._lobbies:
+            self._lobbies.popitem()[1].close()
+        self.lab.run(HANDS)
 
     def happen(self, words: str) -> None:
         """Do something to the robot; a person takes some time from one window to the other."""
@@ -61,3 +71,5 @@ def test_answers_are_those_given(robot: str, page: Path, tmp_path: Path, monkeyp
     shutil.copy(ROOT / "docs" / "examples" / "bow.mtn", tmp_path)
     windows = Windows(robot)
     assert differences(page, robot, windows.play, windows.happen, stamps=False) == ""
+    windows.leave()
+    assert differences_again(page, robot, windows.play, windows.happen) == ""

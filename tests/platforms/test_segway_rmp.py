@@ -10,6 +10,7 @@ import pytest
 from segway_lab import CanLab, Lab
 
 from urbihw.kernel.uobject import BadConfig, NotReady
+from urbihw.kernel.uobject.protection import protect_robot
 from urbihw.platforms import find
 from urbihw_fakes.segway import frames as f
 from urbihw_fakes.segway.rmp import SegwayRmp
@@ -113,11 +114,19 @@ def test_odometry_follows_a_curve_and_is_not_lost_by_a_reset() -> None:
     assert lab.number("rmp.forward") < body.forward - 0.3
 
 
-@pytest.mark.parametrize("name", ["usegway.u", "rmp.u"])
-def test_the_files_of_the_manual_can_be_loaded_again(name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [("usegway.u", ""), ("rmp.u", "*** rmp.u: the base is served already, as rmp and robot: nothing is changed")],
+)
+def test_the_files_of_the_manual_can_be_loaded_again_and_again(name: str, told: str) -> None:
     lab = Lab.ready()
+    # As in the daemon, where no program may remove or replace the robot.
+    protect_robot(lab.robot, "segway")
+    lab.kernel.complete()
     path = find("segway").folder / name
-    assert lab.say(f'load("{path}");') == ""
+    for _ in range(2):
+        assert lab.say(f'load("{path}");') == told
+        assert lab.look("[rmp.state, robot.isA(Interface.Mobile)]") == '["ok", true]'
     lab.say("var Global.mine = RMP.new(50ms);")
     lab.say("robot.body.x.speed = 0.3;", 2.0)
     assert lab.number("mine.forwardSpeed") == lab.number("rmp.forwardSpeed") == pytest.approx(0.3, abs=0.005)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 from bioloid_lab import Lab as BioloidLab
@@ -17,7 +19,7 @@ from urbihw_fakes.dynamixel.ax12 import Ax12
 from urbihw_fakes.feetech.servo import FeetechServo
 from urbihw_fakes.so101 import JOINTS, So101
 
-TELEOPERATION = (Path(__file__).parents[2] / "docs/examples/so101_teleoperation.u").read_text("utf-8")
+TELEOPERATION = f'load("{Path(__file__).parents[2] / "docs/examples/so101_teleoperation.u"}");'
 
 
 def _calibration(path: Path, kit: So101) -> str:
@@ -44,6 +46,36 @@ def test_joints_have_the_names_of_lerobot_and_places_in_the_tree() -> None:
         "gripper": "robot.body.arm.grip",
     }.items():
         assert lab.look(f"so101.{name} === {place} && {name} === {place}") == "true"
+
+
+def test_joints_have_one_name_and_the_order_of_the_arm_wherever_they_are_listed() -> None:
+    kit = So101(calibrated=True)
+    late = kit.servo(2)
+    kit.remove(late)
+    lab = Lab.ready(kit)
+    kit.add(late)
+    lab.until(lambda: lab.look("motors.size") == "6")
+    names = " ".join(JOINTS)
+    assert f"*** RotationalMotor: {names}" in lab.say("robot.flatDump;")
+    assert lab.look('robot.motionPlayer.names(robot.motionPlayer.joints).join(" ")') == f'"{names}"'
+    tree = json.loads(lab.say("echo(System.treeText(robot))|;").removeprefix("*** "))
+    assert [part["global"] for part in _leaves(tree["robot"])] == [*JOINTS]
+    # Other names go on working.
+    for name, other in (("shoulder_pan", "shoulderYaw"), ("elbow_flex", "elbow"), ("gripper", "grip")):
+        assert lab.look(f"{other} === {name} && {name} === motor{JOINTS[name].id}") == "true"
+        assert lab.look(f'robot.motionPlayer.choose("x", ["{other}", "motor2"])[0][0]') == f'"{name}"'
+
+
+def _leaves(node: dict[str, Any]) -> list[dict[str, Any]]:
+    return [leaf for part in node["parts"] for leaf in _leaves(part)] or [node]
+
+
+def test_a_name_that_a_program_uses_is_left_to_it() -> None:
+    lab = Lab(So101(calibrated=True))
+    lab.say("var Global.gripper = 3|;")
+    lab.until(lambda: bool(lab.opened))
+    assert lab.opened == [None]
+    assert lab.look("[gripper, grip === so101.gripper, elbow_flex === elbow]") == "[3, true, true]"
 
 
 def test_starting_moves_nothing_and_leaves_the_torque_as_it_is() -> None:
@@ -182,7 +214,7 @@ def test_an_arm_on_the_bus_of_a_bioloid_is_told_in_one_line() -> None:
 def _teleoperation(leader: So101) -> Lab:
     lab = Lab.ready(leader=leader)
     lab.until(lambda: lab.look("leader.link") == "true" and lab.look("leader.motors.size") == "6")
-    lab.say(TELEOPERATION, 3.0)
+    assert lab.say(TELEOPERATION, 3.0) == ""
     assert lab.look("teleoperation.type") == '"Tag"'
     return lab
 
@@ -243,8 +275,38 @@ def test_a_leader_that_is_unplugged_leaves_the_follower_where_it_is() -> None:
     lab.run(4)
     assert lab.look("leader.link") == "true"
     assert lab.bend("shoulder_pan") == pytest.approx(300 * STEP, abs=0.01)
-    lab.say(TELEOPERATION, 3.0)
+    assert lab.say(TELEOPERATION, 3.0) == ""
     assert lab.bend("shoulder_pan") == pytest.approx(100 * STEP, abs=0.01)
+
+
+def test_the_teleoperation_begins_again_any_number_of_times_from_any_connection() -> None:
+    leader = So101(calibrated=True)
+    lab = _teleoperation(leader)
+    for place in (200, -200, 300):
+        lab.leader_end.unplug()
+        lab.run(1)
+        lab.leader_end.replug()
+        leader.hold("shoulder_pan", place)
+        lab.until(lambda: lab.look("leader.link") == "true")
+        # The one that loaded it before is gone, and with it what it had set up.
+        lab.lobby.close()
+        lab.lobby = lab.kernel.open_lobby()
+        assert lab.say(TELEOPERATION, 3.0) == ""
+        assert lab.bend("shoulder_pan") == pytest.approx(place * STEP, abs=0.01)
+    lab.leader_end.unplug()
+    lab.run(1)
+    leader.hold("shoulder_pan", 0)
+    lab.leader_end.replug()
+    lab.run(4)
+    assert lab.bend("shoulder_pan") == pytest.approx(300 * STEP, abs=0.01)
+
+
+def test_what_the_leader_lacks_is_told_of_the_leader(caplog: pytest.LogCaptureFixture) -> None:
+    leader = So101(calibrated=True)
+    leader.remove(leader.servo(3))
+    lab = Lab.ready(leader=leader)
+    lab.run(2)
+    assert [record.getMessage() for record in caplog.records] == ["leader: missing: elbow_flex (id 3)"]
 
 
 def test_a_leader_that_is_not_there_is_told_once_and_joins_later(caplog: pytest.LogCaptureFixture) -> None:

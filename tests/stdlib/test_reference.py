@@ -35,7 +35,7 @@ def test_the_pages_say_what_the_library_says(pages: dict[str, str]) -> None:
 
 def test_the_pages_have_examples(pages: dict[str, str]) -> None:
     names = [name for name in pages if name != "README.md"]
-    assert [name for name in names if "```urbiscript\n" not in examples(FOLDER / name).removeprefix(EXAMPLES)] == []
+    assert [name for name in names if "```urbiscript" not in examples(FOLDER / name).removeprefix(EXAMPLES)] == []
 
 
 @pytest.fixture(scope="module")

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
+from urbihw import platforms
 from urbihw.buses.servos import calibration, registers_file
 from urbihw.buses.servos.calibration import JointCalibration
 from urbihw.buses.servos.device import ServoDevice
@@ -48,7 +49,9 @@ def options(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--diff", nargs=2, metavar="FILE", help="show what differs between two files")
     parser.add_argument("--config", type=Path, metavar="FILE",
                         help="settings of the robot, whose [devices] name the joints")
-    parser.add_argument("--names", metavar="NAME=ID,...", help="names of the joints (default: motor and the id)")
+    parser.add_argument("--names", metavar="NAME=ID,...",
+                        help="names of the joints (default: those of the arm that the servos are, such as an SO-101, "
+                             "else motor and the id)")
     parser.add_argument("--directions", action="store_true", help="ask for the positive direction of each joint, too")
     parser.add_argument("--no-limits", action="store_true", help="with --out: do not write the ranges into the servos")
     parser.add_argument("--yes", action="store_true", help="with --restore: do not ask")
@@ -77,7 +80,8 @@ def joint_names(names: str | None, config: Path | None) -> dict[str, int]:
         for mistake in loaded.mistakes:
             if mistake.setting in ("", "devices"):  # the file itself, or what is taken from it
                 raise BadConfig(mistake.line)
-        return {name: row["id"] if isinstance(row, dict) else row for name, row in loaded.config.devices.items()}
+        devices = loaded.config.devices or platforms.find(loaded.config.platform).joints
+        return {name: row["id"] if isinstance(row, dict) else row for name, row in devices.items()}
     found: dict[str, int] = {}
     for part in names.split(",") if names else ():
         name, _, number = part.strip().partition("=")
@@ -85,6 +89,15 @@ def joint_names(names: str | None, config: Path | None) -> dict[str, int]:
             raise calibration.BadCalibration(f"--names {part.strip()!r}: write each name once, such as hip_l=3")
         found[name] = int(number)
     return found
+
+
+def names_of_arm(found: Sequence[ServoDevice]) -> Mapping[str, int]:
+    """The ids of the joints by the names of the platform whose joints these servos are, all of them; {} for none."""
+    ids, models = {device.id for device in found}, {device.name for device in found}
+    for manifest in platforms.manifests():
+        if manifest.joints and {*manifest.joints.values()} == ids and models <= {manifest.joint_model}:
+            return manifest.joints
+    return {}
 
 
 def typed_line() -> str | None:
@@ -96,7 +109,7 @@ def calibrate(job: VerbJob, names: Mapping[str, int], display: RangeDisplay, typ
     """Lead through a calibration and write its file.  Raises ServoError, BadCalibration."""
     out, link, dialogue = job.options.out, job.line.link, job.dialogue
     found = devices(job)
-    servos = named({device.id: device for device in found}, names)
+    servos = named({device.id: device for device in found}, names or names_of_arm(found))
     before = f"{out}.registers.toml"
     registers_file.save(before, read_backups(job, found), title(job.line))
     dialogue.say(f"All registers are in {before}; urbihw servo restore brings them back.")

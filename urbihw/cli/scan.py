@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -19,7 +19,7 @@ from urbihw.buses.servos.findings import ServoFinding, cycle_time, findings
 from urbihw.buses.servos.survey import SurveyedServo
 from urbihw.cli.options import whole
 from urbihw.cli.progress import ProgressBar
-from urbihw.cli.scan_ports import PortReport, ScanWish, as_json, firmware, search, shown, wire_findings
+from urbihw.cli.scan_ports import PortReport, ScanWish, as_json, firmware, search, shown, told_servos, wire_findings
 from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_UNAVAILABLE
 from urbihw.kernel.uobject import BadConfig
 from urbihw.settings import one_line
@@ -99,7 +99,7 @@ def lines(report: PortReport) -> Iterator[str]:
         return
     for finding in wire_findings(report):
         yield f"  {_with_cost(finding)}"
-    servos = report.survey.servos
+    servos = told_servos(report.survey.servos)
     if not servos:
         tried = "1 speed" if len(report.survey.bauds) == 1 else f"{len(report.survey.bauds)} speeds"
         what = "no servo answers alone" if report.survey.conflicts else "no servo answers"
@@ -116,7 +116,7 @@ def lines(report: PortReport) -> Iterator[str]:
     yield _summary(report, servos)
 
 
-def _summary(report: PortReport, servos: tuple[SurveyedServo, ...]) -> str:
+def _summary(report: PortReport, servos: Sequence[SurveyedServo]) -> str:
     cycle = sum(cycle_time(servo, report.latency) for servo in servos)
     gain = sum(finding.cost for servo in servos for finding in findings(servo)) + report.latency * len(servos)
     saved = f", of which {1000 * gain:.1f} ms can be saved" if gain else ""

@@ -143,8 +143,9 @@ def wire_findings(report: PortReport) -> list[ServoFinding]:
             f"id {number} at {baud} bps: more than one servo answers; urbihw servo set-id leads through giving one of "
             "them another id"
         ))  # fmt: skip
-    speeds = {servo.baud for servo in report.survey.servos} if report.survey else set()
-    if len(speeds) > 1 and _same_at_all_speeds(report.survey.servos if report.survey else ()):
+    servos = report.survey.servos if report.survey else ()
+    speeds = {servo.baud for servo in servos}
+    if len(told_servos(servos)) < len(servos):
         found.append(ServoFinding(
             f"the same servos answer at {len(speeds)} speeds: this port does not set its speed, so ?baud= tells "
             "nothing (a simulated robot: start it with --follow-baud)"
@@ -154,13 +155,14 @@ def wire_findings(report: PortReport) -> list[ServoFinding]:
     return found
 
 
-def _same_at_all_speeds(servos: Iterable[SurveyedServo]) -> bool:
-    """Whether each speed has found the same devices: a servo hears one speed only."""
-    found: dict[int, set[tuple[int, int]]] = {}
+def told_servos(servos: Sequence[SurveyedServo]) -> Sequence[SurveyedServo]:
+    """The servos, each once: a port that does not set its speed shows the same ones at every speed, and a servo hears
+    one speed only."""
+    found: dict[int, dict[tuple[int, int], SurveyedServo]] = {}
     for servo in servos:
-        found.setdefault(servo.baud, set()).add((servo.device.id, servo.device.model))
-    first, *others = found.values()
-    return all(each == first for each in others)
+        found.setdefault(servo.baud, {})[servo.device.id, servo.device.model] = servo
+    first, *others = found.values() or ({},)
+    return [*first.values()] if others and all(each.keys() == first.keys() for each in others) else servos
 
 
 def shown(servo: SurveyedServo, item: str) -> float | None:

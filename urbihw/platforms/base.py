@@ -47,6 +47,9 @@ class WiredRobot(RobotHooks, PlatformRobot):
     )  # fmt: skip
     slot_words = ROBOT
 
+    whose_log: ClassVar[str] = ""
+    """What its lines in the log begin with: the name of a robot beside another one."""
+
     start_worker: Callable[..., WorkerHandle] = staticmethod(Supervisor.start)
     """Starts a worker; replaced in tests."""
     bus_time: Callable[[], float] = staticmethod(time.monotonic)
@@ -61,7 +64,7 @@ class WiredRobot(RobotHooks, PlatformRobot):
         """Kernel's time = worker's time + offset, in seconds."""
         self.expected: tuple[m.ExpectedDevice, ...] = ()
         """The devices that the settings expect; their names are those of the start."""
-        self.log = DeviceLog(logging.getLogger(f"urbihw.{name}"), self.host.now, self.call_later)
+        self.log = DeviceLog(logging.getLogger(f"urbihw.{name}"), self.host.now, self.call_later, self.whose_log)
         self.device_memory = DeviceMemory(driver_of(self.family).device_info, self.log.warning)
         self.identity = RobotIdentity(self, name, self.model_name)
         self.worker = WorkerSession(self, name, self.family)

@@ -46,7 +46,9 @@ class DeviceLog:
     ``devices`` and ``event``, which become fields of the journal (``urbihw.daemon.journal``).
     """
 
-    def __init__(self, log: logging.Logger, now: Callable[[], float], later: Later) -> None:
+    def __init__(self, log: logging.Logger, now: Callable[[], float], later: Later, whose: str = "") -> None:
+        """``whose`` is put before each line: the name of a second robot of the daemon, "" for the first."""
+        self._whose = f"{whose}: " if whose else ""
         self._log = log
         self._now = now
         self._later = later
@@ -100,14 +102,14 @@ class DeviceLog:
     def _log_thinned(self, level: int, kind: str, line: str, event: str, devices: tuple[str, ...] = ()) -> None:
         if (line in self._repeats or self._repeats.admit((kind,), MAX_ALIKE)) and self._repeats.admit(line, MAX_SAME):
             about = {"robot": self._log.name.rpartition(".")[2], "devices": devices, "event": event}
-            self._log.log(level, "%s", line, extra=about)
+            self._log.log(level, "%s%s", self._whose, line, extra=about)
 
     def _log_suppressed(self, key: Hashable, held: int) -> None:
         """Log the number of suppressed repetitions of a line, or, for the 1-tuple of a kind, of its lines."""
         if isinstance(key, tuple):
-            self._log.warning("and %d lines more of the kind: %s", held, *key)
+            self._log.warning("%sand %d lines more of the kind: %s", self._whose, held, *key)
         else:
-            self._log.warning("%s (%d times more)", key, held)
+            self._log.warning("%s%s (%d times more)", self._whose, key, held)
 
 
 def join_names(names: Iterable[str]) -> str:

@@ -118,6 +118,7 @@ class Manifest:
         limits: the devices that can have ``[limits]`` -> their kinds of limits; ``#`` in a name stands for a number,
             and the name ``*`` for any.
         joints: names of joints -> the ids of their devices, where the platform names them.
+        joint_model: the model of the servos of these joints, "" for any.
     """
 
     folder: Path
@@ -143,13 +144,16 @@ class Manifest:
     system: SystemNeeds = SystemNeeds()
     limits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     joints: Mapping[str, int] = field(default_factory=dict)
+    joint_model: str = ""
 
     def library_files(self) -> list[Path]:
         """The paths of its urbiscript files, in the order of loading."""
         return [_library_file(self.folder, name) for name in self.library]
 
 
-_TEXTS: Final = {"name", "title", "robot", "slot", "default_url", "options", "scan", "trace", "on_robot"}
+_TEXTS: Final = {
+    "name", "title", "robot", "slot", "default_url", "options", "scan", "trace", "on_robot", "joint_model",
+}  # fmt: skip
 _LISTS: Final = {"library", "buses", "fake", "needs"}
 _REQUIRED: Final = ("name", "title", "robot", "slot")
 _NAME: Final = re.compile(r"[a-z][a-z0-9_]{0,31}")

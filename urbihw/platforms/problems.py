@@ -4,10 +4,16 @@ that cannot be used, and lost parts on wires of their own."""
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Final
 
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import DevicePart, UObject, reading
-from urbihw.platforms.devicelog import DeviceLog
+from urbihw.platforms.devicelog import DeviceEvent, DeviceLog
+
+_KINDS: Final = tuple(
+    DeviceEvent(f"{kind}: {{who}}", f"{kind}: {{who}}", kind) for kind in ("missing", "unexpected", "of another kind")
+)
+"""How devices differ from the expected ones; a bus that is switched on tells them one after the other."""
 
 
 class ProblemReport(DevicePart):
@@ -57,22 +63,22 @@ class ProblemReport(DevicePart):
             self._send(m.Unusable(name, reason))
 
     def show_differences(self, message: m.Differences) -> None:
-        """Show and log what differs from the expected devices, one line for each kind."""
+        """Show what differs from the expected devices, and log what is new in a line for each kind."""
         missing = [f"{each.name} (id {each.id})" for each in message.missing]
         unexpected = [f"id {each.id} ({each.found})" for each in message.unexpected]
         other = [f"{each.name} (id {each.id}) is {each.found}, not {each.expected}" for each in message.other]
         before = {*self._differences}
-        shown = {
-            "missing": [f"{each} missing" for each in missing],
-            "unexpected": [f"{each} unexpected" for each in unexpected],
-            "of another kind": other,
-        }
-        texts = [text for kind in shown.values() for text in kind]
+        shown = (
+            [f"{each} missing" for each in missing],
+            [f"{each} unexpected" for each in unexpected],
+            other,
+        )
+        texts = [text for kind in shown for text in kind]
         self._differences = texts
         self.show()
         if before and not texts:
             self._log.info("all expected devices are there, and no others")
-        for kind, devices in zip(shown, (missing, unexpected, other), strict=True):
-            # A kind is reported again only if its number has grown.
-            if not before.issuperset(shown[kind]):
-                self._log.warning("%s: %s", kind, ", ".join(devices))
+        for kind, devices, lines in zip(_KINDS, (missing, unexpected, other), shown, strict=True):
+            for device, line in zip(devices, lines, strict=True):
+                if line not in before:
+                    self._log.log_event(kind, device)

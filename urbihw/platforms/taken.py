@@ -19,10 +19,10 @@ RotationalMotor RotationalSpeedMotor Semaphore Sensor Server ServoDevices ServoT
 SpeechRecognizer StackFrame String StructureEntry Subscription System Tag TaughtRobot TemperatureSensor TextToSpeech
 Timeout TouchSensor Traceable Tracker TrajectoryGenerator Triplet Tuple UObject URTP UValue UVar VideoIn
 WeakDictionary WeakPointer XServo abs acceleration acceptVoid acos addComponent addDevice addPose addProto age alarm
-alarmLed aliveJobs allProtos allSlotNames angle answeredRegister applied apply arguments arity as asBool asIdentity
-asMotor asNetwork asObject asPrintable asRegisterAccess asRotationalMotor asServoTree asString asTaughtRobot
-asToplevelPrintable asin askRegister assert assert_ assert_op atan atan2 attach back backtrace baudRate
-beginMovement beginRecording bioloid blendSpeed blocked blockedFor body bounce branches briefNames busLoad
+alarmLed aliveJobs allProtos allSlotNames angle answeredRegister applied apply arguments arity arrange as asBool
+asIdentity asMotor asNetwork asObject asPrintable asRegisterAccess asRotationalMotor asServoTree asString
+asTaughtRobot asToplevelPrintable asin askRegister assert assert_ assert_op atan atan2 attach back backtrace
+baudRate beginMovement beginRecording bioloid blendSpeed blocked blockedFor body bounce branches briefNames busLoad
 buzzerIndex buzzerTime callMessage ccwComplianceMargin ccwComplianceSlope ccwLimit cerr chain checkMotion
 checkRecording clapCount clearStats clog clone cloneSlot controlTag copySlot cos cout createSlot current
 cwComplianceMargin cwComplianceSlope cwLimit cycle dGain destroy detach deviceTable devices disown documentation
@@ -37,14 +37,14 @@ linkBack linkLost load loadFile loadLibrary loadModule lobbies lobby localSlotNa
 logged lost makeCompactNames max maxTorque maxVoltage maybeLoad methodToFunction min minVoltage missing mode model
 modelName modules motionBegun motionEnded motionNames motionPages motionPlayer motions motorTable motors moving name
 nameOf named nan ndebug new nextPose nil numbered obstacleCenter obstacleLeft obstacleRight obstacleThreshold
-obstacleThresholdDefault off on overspeed pGain pages parent part partNames period persist pi places planMotion play
-playMelody playing pose poseNames poses print problems programName properties protos punch random rate readRegister
-rearm reboot redefinitionMode refuseGroup refuseName refused registers rejoin releaseOf released remocon
-remoconReceived removeLocalSlot removeProperty removeProto removeSlot requested resetLibrary returnDelay robot round
-rtpOpen savePose savePoseFile scan scopeTag searchFile searchPath sensorTable sensors serial setConstSlot
-setProperty setProtos setSlot setenv share shareLink shiftedTime shutdown sign sin sleep slotNames slotTable
-soundTime soundVolume soundVolumeMax spawn speed sqr sqrt srandom stale state statistics statusReturnLevel step stop
-stopJob stopped stops storeNames syncGet system tan teach teaching tellJointsOff tellRegister temperature
+obstacleThresholdDefault off on overspeed ownName ownNames pGain pages parent part partNames period persist pi
+places planMotion play playMelody playing pose poseNames poses print problems programName properties protos punch
+random rate readRegister rearm reboot redefinitionMode refuseGroup refuseName refused registers rejoin releaseOf
+released remocon remoconReceived removeLocalSlot removeProperty removeProto removeSlot requested resetLibrary
+returnDelay robot round rtpOpen savePose savePoseFile scan scopeTag searchFile searchPath sensorTable sensors serial
+setConstSlot setProperty setProtos setSlot setenv share shareLink shiftedTime shutdown sign sin sleep slotNames
+slotTable soundTime soundVolume soundVolumeMax spawn speed sqr sqrt srandom stale state statistics statusReturnLevel
+step stop stopJob stopped stops storeNames syncGet system tan teach teaching tellJointsOff tellRegister temperature
 temperatureLimit time timeReference torque torqueLimit tree treeKey treeText true trunc turn type uid unacceptVoid
 unnotify unsetenv uobjects uobjects_handle updateSlot url uvalueSerialize val velocityIGain velocityPGain version
 void voltage wall warn wheel why writeRegister

@@ -27,8 +27,9 @@ Names = tuple[str, ...]
 def store_names(world: World, this: Value, made: Dictionary) -> None:
     """Store each part of a Dictionary in the slot of Global with its name.
 
-    The names of the robot's own tree become part of the library's record: no later check takes them for damage.  Raises
-    ``cannot modify const slot`` if a name is taken by a protected slot with another value.
+    The names of the tree of the robot that is served become part of the library's record: no later check takes them for
+    damage; those of a robot that a program made do not.  Raises ``cannot modify const slot`` if a name is taken by a
+    protected slot with another value.
     """
     slots = world.global_.slots
 
@@ -41,7 +42,7 @@ def store_names(world: World, this: Value, made: Dictionary) -> None:
             else:
                 world.ops.set_slot(world.global_, name, part)
 
-    if slots.get(ROBOT) is this:
+    if slots.get(ROBOT) is this and world.record.has(world.global_, ROBOT):
         world.record.adopt(store)
     else:
         store()

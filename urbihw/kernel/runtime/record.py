@@ -151,7 +151,7 @@ class Record:
             slots = {slot: value for slot, value in obj.slots.items() if not some or isinstance(value, Executable)}
             meta = {slot: each for slot, each in (obj.meta or {}).items() if each.accessor or each.constant}
             is_robots = name.partition(".")[0] in self._robots
-            kept = RecordedObject(name, obj, list(obj.protos), slots, meta, "type" in slots, is_robots)
+            kept = RecordedObject(name, obj, list(obj.protos), slots, meta, _is_class(name, slots), is_robots)
             self._kept[obj] = kept
             self._by_name.setdefault(name, kept)
             self._functions.update(slot for slot, value in slots.items() if isinstance(value, Executable))
@@ -315,7 +315,7 @@ class Record:
     ) -> None:
         """Restore or report a slot whose value differs from the record."""
         if now is not ABSENT:
-            if name != "type" and self._is_variable(kept, name, value):
+            if not (kept.is_class and name == "type") and self._is_variable(kept, name, value):
                 return
             if not thorough and self._may_stand_for(now, value):
                 changes.different[f"{kept.name}.{name}"] = None
@@ -415,6 +415,12 @@ def lineage(world: World, value: Value) -> list[Any]:
             found.append(ancestor)
             todo += (world.protos_of(ancestor) if ancestor.__class__ is float else ancestor.protos)[::-1]
     return found
+
+
+def _is_class(name: str, slots: dict[str, Any]) -> bool:
+    """Whether an object is a class: its slot ``type`` has its own name.  That of the robot says what kind it is."""
+    kind = slots.get("type")
+    return isinstance(kind, String) and kind.s == name.rpartition(".")[2]
 
 
 def _would_hide(world: World, obj: Obj, owed: ProtectedSlot) -> bool:

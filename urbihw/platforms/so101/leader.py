@@ -29,6 +29,7 @@ class Leader(ServoRobot):
 
     robot_name = "leader"
     model_name = "SO-101 leader"
+    whose_log = "leader"
     kinds = ("leaderMotor",)
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
