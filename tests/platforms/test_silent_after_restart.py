@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 import so101_lab
-from bioloid_lab import BAUD, MOTION, Kit, Lab
+from bioloid_lab import BAUD, MOTION, Lab
 from motions import Kind, Scene
+
+from urbihw_fakes.bioloid import Bioloid
 
 
 @pytest.mark.parametrize("limits", [{}, {"speed": 1.0}], ids=["", "limit"])
@@ -18,7 +20,7 @@ def test_a_servo_that_is_silent_while_a_worker_is_replaced_obeys_when_it_answers
     def make() -> Lab | so101_lab.Lab:
         if platform == "so101":
             return so101_lab.Lab.ready(limits=limits)
-        return Lab.ready(Kit(servos=(6, 7), sensors=(), baud=BAUD), limits=limits)
+        return Lab.ready(Bioloid(servos=(6, 7), sensors=(), baud=BAUD), limits=limits)
 
     motion, number, slot = (MOTION, 6, "motor6") if platform == "bioloid" else (so101_lab.MOTION, 1, "shoulder_pan")
     scene = Scene(motion, Kind("", 0.0, make=make), tmp_path, [])
