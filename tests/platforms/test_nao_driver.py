@@ -305,3 +305,23 @@ def test_a_motion_that_waits_for_a_stop_is_refused_by_another_stop() -> None:
     rig.driver.safe_stop()
     told = [each for each in rig.run(4.0) if isinstance(each, Reply) and each.reply_id == 2]
     assert [(each.ok, each.error) for each in told] == [(False, "stopped")] and not rig.body.walking
+
+
+def test_a_joint_that_is_bound_to_a_speed_is_no_faster_when_its_goals_arrive_late() -> None:
+    rig = Rig().attach()
+    rig.order("stiffness", HeadYaw=1.0, HeadPitch=1.0, LElbowYaw=1.0)
+    rig.run(0.2)
+    speeds = {joint.name: joint.speed for joint in rig.driver._exchange.info.joints}
+    goals = {("HeadYaw", "angle"): 1.5, ("HeadPitch", "angle"): 0.4, ("LElbowYaw", "angle"): 1.0}
+    before = {name: rig.body.joints[name].angle for name, _ in goals}
+    rig.driver.targets(Targets(goals, rates={("HeadYaw", "angle"): 1.0, ("HeadPitch", "angle"): 0.5}))
+    rig.run(TICK)
+    begin = {name: rig.body.joints[name].angle for name, _ in goals}
+    rig.run(0.2)
+    ways = {name: abs(rig.body.joints[name].angle - begin[name]) for name, _ in goals}
+    assert 0.15 < ways["HeadYaw"] <= 0.2 * 1.05 and 0.07 < ways["HeadPitch"] <= 0.1 * 1.05
+    assert abs(rig.body.joints["LElbowYaw"].angle - before["LElbowYaw"]) > 0.5 * speeds["LElbowYaw"] * 0.2
+    # The next goal without a speed is reached as fast as the motor can.
+    rig.order(HeadYaw=-1.5)
+    rig.run(0.4)
+    assert rig.body.joints["HeadYaw"].angle < -1.0

@@ -110,6 +110,8 @@ class Trajectory:
         """The value that a closed loop wrote and the variable does not have yet."""
         self._pace = 0.0
         """The speed of a closed loop, in units per second."""
+        self._later_pace = math.nan
+        """The highest speed of a wave that has been led to its beginning, where that is lower; nan if not."""
 
     def run(self) -> None:
         """Run the movement; returns when it is over (never for sin and cos)."""
@@ -164,8 +166,8 @@ class Trajectory:
             wave = math.sin if self._kind == "sin" else math.cos
             speed = abs(2 * math.pi * amplitude / parameter)
             way = abs(target + amplitude * wave(phase) - self._world.as_float(self._read(), 1, "-"))
-            if way < math.inf:  # not for nan
-                speed = max(speed, way / _BEGIN_S)
+            if way / _BEGIN_S > speed and way < math.inf:  # not for nan
+                self._later_pace, speed = speed, way / _BEGIN_S
             return lambda t: target + amplitude * wave(2 * math.pi * t / parameter + phase), math.inf, speed
         start = self._finite(self._present())
         way = target - start
@@ -190,12 +192,14 @@ class Trajectory:
                 if length - t < self._period - _CLOSE:
                     self._write(self._target)
                     return
+                self._begin_wave(t)
                 self._write(curve(t))
         last = self._world.as_float(self._read(), 1, "-")
         if math.isnan(last):
             # The position of a lost device is unknown: the limit of the speed can only act from the first value on.
             last = limits.inside(curve(0.0))
         for t in self._steps():
+            self._begin_wave(t)
             reach = limits.speedmax * self._period
             over = length - t < self._period - _CLOSE
             wanted = limits.inside(self._target if over else curve(t))
@@ -204,6 +208,12 @@ class Trajectory:
             self._write(last)
             if over and abs(wanted - last) < _CLOSE:
                 return
+
+    def _begin_wave(self, t: float) -> None:
+        """A wave has its own highest speed from then on when it has been led to its beginning."""
+        if t > 2 * _BEGIN_S and not math.isnan(self._later_pace):
+            self._set_pace(min(self._later_pace, self._limits.speedmax))
+            self._later_pace = math.nan
 
     # ---------------------------------------------------------------- closed loop
 
