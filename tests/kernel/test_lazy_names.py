@@ -48,7 +48,7 @@ def test_a_strict_function_gets_values_although_its_name_is_lazy() -> None:
         "[00000000] 11",
         "[00000000] 42",
         "[00000000:error] !!! 6.9-13: add: expected 2 arguments, given 0",
-        "[00000000:error] !!! 7.18-21: unexpected void",
+        "[00000000:error] !!! 7.9-22: unexpected void",
     ]
 
 

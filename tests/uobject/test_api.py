@@ -350,3 +350,14 @@ def test_statistics() -> None:
     typed.destroy()
 
 
+
+
+def test_a_callback_of_a_closed_connection_that_fails_is_told_to_the_log(caplog: pytest.LogCaptureFixture) -> None:
+    console = Console()
+    made = console.kernel.open_lobby()
+    code = 'UVar.new(Global, "v")|; Global.getSlot("v").notifyChange(uobjects_handle, closure() { 1 / 0 })|;'
+    console.kernel.run_text(made, code)
+    made.close()
+    with caplog.at_level(logging.ERROR, "urbihw.uobject"):
+        assert console.say("Global.v = 1;") == ["1"]
+    assert "callback on v removed because it failed: 1." in caplog.text and "/: division by 0" in caplog.text

@@ -181,9 +181,9 @@ def test_the_place_of_a_write_is_looked_up_only_when_somebody_asks(monkeypatch: 
     looked_up: list[int] = []
     frames = LineMap.frames
 
-    def counted(self: LineMap, index: int) -> list[MappedCall]:
+    def counted(self: LineMap, index: int, bounces: bool = False) -> list[MappedCall]:
         looked_up.append(index)
-        return frames(self, index)
+        return frames(self, index, bounces)
 
     monkeypatch.setattr(LineMap, "frames", counted)
     rig.kernel.host.create(GuardedMotor, "motor6", rig.motion)

@@ -86,7 +86,7 @@ class Stack(NamedTuple):
         if more <= 1:
             return lines
         more += max(0, self.left_out - 1)
-        return [*lines[:MAX_SHOWN_CALLS], f"   ... {more} calls left out", *lines[-MAX_SHOWN_CALLS:]]
+        return [*lines[:MAX_SHOWN_CALLS], f"   called from: ... {more} calls left out", *lines[-MAX_SHOWN_CALLS:]]
 
 
 class NotedCall(NamedTuple):

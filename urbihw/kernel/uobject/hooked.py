@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
 
 from urbihw.kernel import errors
+from urbihw.kernel.runtime.backtrace import failed_in_program
 from urbihw.kernel.runtime.binary import BinaryObject
 from urbihw.kernel.runtime.blend import Blender, blender_of
 from urbihw.kernel.runtime.code import Executable
@@ -347,8 +348,8 @@ class Hooked(Executable):
         end = "removed because it failed" if self.remove_throwing else "failed"
         what = f"callback on {self.name} {end}"
         if not callback.tell(error, what):
-            reason = "; ".join(self.world.describe(error)) if isinstance(error, errors.ThrownError) else repr(error)
-            log.error("%s: %s", what, reason)
+            of_program = isinstance(error, errors.ThrownError) or failed_in_program(error)
+            log.error("%s: %s", what, "; ".join(self.world.describe(error)) if of_program else repr(error))
 
     def _keep(self, wanted: Callable[[Callback], bool]) -> None:
         self._owner_change = tuple(filter(wanted, self._owner_change))

@@ -98,8 +98,8 @@ class _NativeCallback:
             job.context = before
 
     def tell(self, error: Exception, what: str) -> bool:
-        """Report a failure to the connection that registered the function; False if there is none."""
-        if self.context is None:
+        """Report a failure to the connection that registered the function; False if there is none any more."""
+        if self.context is None or not self.context.connected:
             return False
         self.context.report(error)
         self.context.output.line(f"!!!    {what}", "error")
