@@ -187,3 +187,16 @@ def test_a_robot_that_fell_and_was_restarted_stays_slack() -> None:
     lab.run(1)
     assert not any(joint.stiffness for joint in lab.device.body.joints.values())
     assert lab.number("headYaw.load") == 0
+
+
+def test_a_hand_is_open_when_open_returns() -> None:
+    lab = Lab.ready()
+    said = ""
+    lab.say('handR.open; echo("open");')
+    while "open" not in said:
+        lab.run(0.01)
+        said += lab.heard()
+        assert lab.clock.now() < 20
+    assert lab.device.body.joints["RHand"].angle > 0.98 and said == "*** open"
+    lab.say("nao.stop;")
+    assert "emergency stop" in lab.say("nao.estop = true; handR.close;", 0.2)

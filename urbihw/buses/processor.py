@@ -28,7 +28,15 @@ ORDINARY: Final = "as any program"
 REAL_TIME: Final = "in real time"
 _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 _NS: Final = 1e-9
-_SCHEDULE: Final = Path("/proc/self/schedstat")
+
+
+def held_up(process: int | str = "self") -> float:
+    """Return the seconds so far in which the main thread of a process had something to do and no processor; 0 if
+    unknown."""
+    try:
+        return int(Path(f"/proc/{process}/schedstat").read_text("ascii").split()[1]) * _NS
+    except (OSError, ValueError, IndexError):
+        return 0.0
 
 
 class Processor:
@@ -50,10 +58,7 @@ class OwnProcessor(Processor):
     """The processor of a worker that has a process of its own; to be made in its main thread."""
 
     def held_up(self) -> float:
-        try:
-            return int(_SCHEDULE.read_text("ascii").split()[1]) * _NS
-        except (OSError, ValueError, IndexError):
-            return 0.0
+        return held_up()
 
     def claim(self) -> None:
         """Take real-time scheduling, else a niceness, as far as the system allows it; never raises."""

@@ -45,19 +45,18 @@ from urbihw.buses.errors import BadValue, LinkGone
 from urbihw.buses.link import Context, Url
 from urbihw.buses.mailbox import Joiner, Mailbox
 from urbihw.buses.messages import Begin, Configure, Ended, FromWorker, ToWorker, WorkerHeartbeat, WorkerState
+from urbihw.buses.processor import held_up
+from urbihw.buses.silence import CHECK_PERIOD_S, Silence
 
 Post = Callable[[FromWorker], None]
 
-CHECK_PERIOD_S = 0.1
-"""Seconds between two checks for silence of the worker."""
 HUNG_TIMEOUT_S = 2.0
-"""Seconds of silence after which a worker process is killed; `WorkerHeartbeat` may allow more."""
+"""Seconds of silence after which a worker process is killed; `WorkerHeartbeat` may allow more. Seconds in which it
+waited for a processor do not count (`Silence`)."""
 START_TIMEOUT_S = 10.0
 """The same until the first word of a process: on a busy machine, or a small one, it takes seconds to start."""
 _SEND_TIMEOUT_S = 0.005
 """Seconds to wait for room in the pipe to a worker that does not read."""
-_SUSPENDED_AFTER_S = 0.3
-"""Seconds that a check may be late; a longer delay means that this process itself was suspended."""
 
 
 class WorkerBusy(LinkGone):
@@ -108,12 +107,14 @@ class Worker:
         post: Post,
         join: Callable[[float], str | None],
         kill: Callable[[], None] = lambda: None,
+        held_up: Callable[[], float] = lambda: 0.0,
     ) -> None:
         self._url = url
         self._pipe = pipe
         self._post = post
         self._join = join
         self._kill = kill
+        self._held_up = held_up
         self._silent = False
         self.killed = False
         self._lock = threading.Lock()
@@ -190,7 +191,7 @@ class Worker:
                 return f"the bus worker of {url} hung and was killed"
             return "" if status == 0 else f"the bus worker of {url} {_exit_words(status)}"
 
-        return cls(url, mine, post, join, process.kill)
+        return cls(url, mine, post, join, process.kill, lambda: held_up(process.pid))
 
     @property
     def alive(self) -> bool:
@@ -286,18 +287,13 @@ class Worker:
 
     def _wait_for_message(self) -> None:
         """Return when there is something to read; a worker that is silent too long is reported, then killed."""
-        heard_at = looked_at = time.monotonic()
+        silence = Silence(time.monotonic(), self._held_up())
         while not self._pipe.poll(CHECK_PERIOD_S):
-            now = time.monotonic()
-            if now - looked_at > CHECK_PERIOD_S + _SUSPENDED_AFTER_S:
-                # This process was suspended, perhaps the worker too: give the worker a full time-out again.
-                heard_at = now
-            looked_at = now
-            silence = now - heard_at
-            if silence >= self._allowance and not self._silent:
+            silence.look(time.monotonic(), self._held_up())
+            if silence.lasted >= self._allowance and not self._silent:
                 self._silent = True
-                self._post(WorkerState(f"the bus worker of {self._url} has not answered for {silence:.1f} s"))
-            if silence >= self._longest_silence() and not self.killed:
+                self._post(WorkerState(f"the bus worker of {self._url} has not answered for {silence.lasted:.1f} s"))
+            if silence.hangs(self._longest_silence()) and not self.killed:
                 self.killed = True
                 self._kill()
         if self._silent and not self.killed:

@@ -9,6 +9,7 @@ NOTES: Final = {
     "Component.parent": "component that it is a part of, nil for the root",
     "Component.step": "its name or place in the parent",
     "Component.partNames": "names of its parts",
+    "Component.ownNames": "compact names that parts have instead of the shortest ones",
     "Component.stop": "stop at once: everything that moves stands and holds",
     "Component.teach": "teach(name, joints, rate): switch joints off and record what the hand does, until endTeaching",
     "Component.endTeaching": "end the recording, and keep it",

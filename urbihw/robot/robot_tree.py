@@ -56,7 +56,7 @@ _EFFECTS: Final = {
 }
 """Slots of interfaces that have an effect although no guard of the robot's motion checks a write of the device's own
 variable: sound, light, and the speeds that a rule of the interface passes on."""
-_STRUCTURE: Final = {"parent", "partNames", "step"}
+_STRUCTURE: Final = {"ownNames", "parent", "partNames", "step"}
 """Slots of a component that tell only where it is."""
 _BINARIES: Final = {("VideoIn", "val"), ("AudioIn", "val"), ("AudioOut", "val")}
 _KINDS: Final = (

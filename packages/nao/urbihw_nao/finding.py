@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -18,6 +18,14 @@ PROXIES: Final = (
     "ALSpeechRecognition", "ALAudioDevice", "ALLogger", "ALFrameManager", "ALAutonomousLife", "DCM",
 )  # fmt: skip
 """Services that programs may call without asking for them."""
+JOINTS: Final = (
+    "HeadYaw", "HeadPitch",
+    "LShoulderPitch", "LShoulderRoll", "LElbowYaw", "LElbowRoll", "LWristYaw", "LHand",
+    "LHipYawPitch", "LHipRoll", "LHipPitch", "LKneePitch", "LAnklePitch", "LAnkleRoll",
+    "RHipYawPitch", "RHipRoll", "RHipPitch", "RKneePitch", "RAnklePitch", "RAnkleRoll",
+    "RShoulderPitch", "RShoulderRoll", "RElbowYaw", "RElbowRoll", "RWristYaw", "RHand",
+)  # fmt: skip
+"""The joints of an H25, in the order of ``getLimits("Body")``."""
 _NAME: Final = "urbihw"
 BODY_NAME: Final = "Device/DeviceList/ChestBoard/BodyNickName"
 BODY_ID: Final = "Device/DeviceList/ChestBoard/BodyId"
@@ -53,9 +61,8 @@ def find(session: QiSession, motion: QiService, memory: QiService) -> NaoFinding
     def ask(service: QiService, name: str, *arguments: Any) -> Any:
         return session.wait(session.call(service, name, *arguments))
 
-    names = [_joint_name(name) for name in to_row(ask(motion, "getBodyNames", "Body"), 1)]
-    limits = [to_row(row, 3)[:3] for row in to_row(ask(motion, "getLimits", "Body"))]
-    joints = tuple(JointInfo(name, *map(to_number, row)) for name, row in zip(names, limits, strict=True))
+    joints = _joints(motion, memory, ask)
+    names = [joint.name for joint in joints]
     services = tuple(session.names())
     lights: list[str] = []
     if LEDS in services:
@@ -66,7 +73,7 @@ def find(session: QiSession, motion: QiService, memory: QiService) -> NaoFinding
         # Without a subscriber the sonars measure nothing.
         session.post(session.look_up(SONAR), "subscribe", _NAME)
     methods = {name: tuple(session.look_up(name).meta.names()) for name in PROXIES if name in services}
-    model = _model(ask(motion, "getRobotConfig"))
+    model = _model(ask(motion, "getRobotConfig") if "getRobotConfig" in motion.meta.names() else None)
     name, serial = map(_text, to_row(ask(memory, "getListData", [BODY_NAME, BODY_ID]), 2)[:2])
     info = NaoInfo(model, joints, services, tuple(dict.fromkeys(lights)), methods, name, serial)
     fast = reading.joint_keys(names)
@@ -74,6 +81,21 @@ def find(session: QiSession, motion: QiService, memory: QiService) -> NaoFinding
     values = list(to_row(ask(memory, "getListData", list(keys))))
     known = reading.known_keys(keys, values)
     return NaoFinding(info, fast, known, [value for name, value in zip(keys, values, strict=True) if name in known])
+
+
+def _joints(motion: QiService, memory: QiService, ask: Callable[..., Any]) -> tuple[JointInfo, ...]:
+    """The joints; those of a robot without ``getBodyNames``, such as an emulator, have the name by which it tells their
+    angles."""
+    told = {*motion.meta.names()}
+    method = next((method for method in ("getBodyNames", "getJointNames") if method in told), "")
+    if method:
+        names = [_joint_name(name) for name in to_row(ask(motion, method, "Body"), 1)]
+    else:
+        places = [f"{reading.PREFIX}{name}/Position/Sensor/Value" for name in JOINTS]
+        angles = to_row(ask(memory, "getListData", places), len(JOINTS))
+        names = [name for name, angle in zip(JOINTS, angles, strict=False) if isinstance(angle, float)]
+    limits = [to_row(row, 3)[:3] for row in to_row(ask(motion, "getLimits", "Body"))]
+    return tuple(JointInfo(name, *map(to_number, row)) for name, row in zip(names, limits, strict=True))
 
 
 def _joint_name(value: Any) -> str:

@@ -13,8 +13,6 @@ from urbihw.platforms.hooks import LimitNamer, LimitTable
 from urbihw.platforms.limits import DeviceLimits
 from urbihw.platforms.measured import MeasuredDevice
 from urbihw_nao import words
-from urbihw_nao.call_part import SERVICES
-from urbihw_nao.finding import MOTION
 from urbihw_nao.gait import parse_gait
 from urbihw_nao.orders import SLACK, JointInfo
 from urbihw_nao.walk_part import AXES, FASTEST, WALK
@@ -95,7 +93,7 @@ class NaoJoint(EffectorDevice, MeasuredDevice):
 
 
 class NaoHand(NaoJoint):
-    """A hand: ``val`` is 0 closed, 1 open.  ``open`` and ``close`` leave its motor off when they are done.
+    """A hand: ``val`` is 0 closed, 1 open.  ``open`` and ``close`` (``nao.u``) return when they are done.
 
     ``pos`` is its place [x, y, z] in m, seen from the middle between the feet: ahead, to the left, up.  A place that is
     written is where the whole body tries to bring it.
@@ -142,25 +140,10 @@ class NaoHand(NaoJoint):
             self.pos.sense([values[axis] for axis in ("x", "y", "z")], stamp)
         super().show(values, stamp)
 
-    @function
-    def open(self) -> None:
-        """Open it, then switch its motor off."""
-        self._move("openHand")
-
-    @function
-    def close(self) -> None:
-        """Close it, then switch its motor off."""
-        self._move("closeHand")
-
-    def _move(self, method: str) -> None:
+    @function("checkHand")
+    def check_hand(self) -> None:
+        """Raise the error if it may not move now."""
         self._motion.check_device(self.device)
-        origin = self._motion.admit(SERVICES)
-
-        def done(reply: m.Reply) -> None:
-            if not reply.ok:
-                self._failed(f"{self.naoqiName.sensed}.{method}", reply.error)
-
-        self._channel.call(MOTION, method, [str(self.naoqiName.sensed)], done, origin)
 
 
 class NaoWalk(EffectorDevice, MeasuredDevice):

@@ -236,6 +236,10 @@ class Nao(WiredRobot):
         else:
             return
         if fallen is not self.fallen.sensed:
+            if fallen:
+                self.log.warning("%s", FALLEN)
+            elif self.fallen.sensed is True:
+                self.log.info("the robot is upright again")
             self.fallen.sense(fallen, stamp)
             self.report.show_part("robot", FALLEN if fallen else "")
 

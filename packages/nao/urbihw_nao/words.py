@@ -57,6 +57,8 @@ DCM: Final = {
 HAND: Final = {
     "val": ("opening, 0 closed to 1 open", "ratio"),
     "pos": ("position and direction in the frame of the torso, m and rad", ""),
+    "open": ("open it, then switch its motor off", ""),
+    "close": ("close it, then switch its motor off", ""),
 }
 LED: Final = {
     "val": ("brightness", "ratio"),
@@ -85,7 +87,7 @@ VOICE: Final = {
     **dict.fromkeys(
         (
             *("getAvailableLanguages", "getAvailableVoices", "getLanguage", "getParameter", "getVoice", "getVolume"),
-            *("setLanguage", "setParameter", "setVoice", "setVolume", "stopAll"),
+            *("setLanguage", "setParameter", "setVoice", "setVolume", "stopAll", "exit", "ping", "version"),
         ),
         ("the method of ALTextToSpeech", ""),
     ),

@@ -12,6 +12,7 @@ from urbihw_nao_fakes.audio import Tone
 from urbihw_nao_fakes.device import Nao
 from urbihw_nao_fakes.legged import LeggedBody, describe
 from urbihw_nao_fakes.memory import TOUCHES
+from urbihw_nao_fakes.services import Failed
 
 
 class Words:
@@ -74,7 +75,10 @@ class Words:
 
     def tell_light(self, words: list[str]) -> str:
         """A light, or a group."""
-        return f"{self._robot.leds.colour(words[0]):06x}"
+        try:
+            return f"{self._robot.leds.colour(words[0]):06x}"
+        except Failed as error:
+            raise UnknownRequest(f"light {words[0]}: there is no such light or group") from error
 
     def tell_speech(self, words: list[str]) -> str:
         """All texts that the robot has spoken."""

@@ -23,6 +23,10 @@ AUTHENTICATE = 8
 """The action of service 0 that logs in."""
 DONE, REFUSED = 3, 1
 """States of a login."""
+MODULES_PREFIX = "AL"
+"""How the names of NAOqi's own modules begin."""
+OF_MODULES = (("exit", "v", None), ("version", "s", "2.1.4.13"), ("ping", "b", True))
+"""Methods that each of those has, with the signature of the result and the result.  ``exit`` ends no module here."""
 _MARK = "naoqi_methods"
 
 
@@ -124,6 +128,12 @@ class Service:
             else:
                 run = getattr(self, attribute)
                 self.methods[uid] = Method(uid, member.returns, member.name, member.parameters, run)
+        if self.name.startswith(MODULES_PREFIX):
+            own = {each.name for each in self.methods.values()}
+            for name, returns, value in OF_MODULES:
+                if name not in own:
+                    uid = FIRST_MEMBER + len(self.methods) + len(self.signals) + len(self.properties)
+                    self.methods[uid] = Method(uid, returns, name, "()", lambda value=value: value)
 
     def advance(self, now: float) -> None:
         """Time has passed; a service that does something by itself does it here."""

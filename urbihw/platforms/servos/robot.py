@@ -324,7 +324,7 @@ class ServoRobot(WiredRobot):
                     conflict
                     or others
                     or f"no servo found on {url}: is the robot switched on, are the cables plugged in, "
-                    "is this its speed (?baud=1000000)?"
+                    "is this its speed (?baud=1000000)? urbihw scan looks at all speeds"
                 )
             )
             return
