@@ -11,6 +11,7 @@ import ipaddress
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
+from urbihw.kernel import errors
 from urbihw.kernel.lobby.connection_tag import ConnectionTag
 from urbihw.kernel.lobby.lease import ClientLease
 from urbihw.kernel.lobby.output import Output
@@ -196,6 +197,8 @@ class Lobby(Obj):
         """Report an uncaught error to the client; never fails, although describing an error may run the client's
         functions.
         """
+        if isinstance(error, errors.ToldBefore):
+            return
         for line in described(self, error):
             self.output.line(f"!!! {line}", "error")
 

@@ -25,7 +25,7 @@ from urbihw.kernel.sched.group import Group
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.signals import Interrupted, JobKilled, StopTag
 from urbihw.kernel.sched.waiting import WaitQueue
-from urbihw.kernel.syntax.chains import Chain
+from urbihw.kernel.syntax.chains import LongChain
 from urbihw.kernel.syntax.location import Location
 from urbihw.kernel.syntax.pace import StepPace
 from urbihw.kernel.syntax.reader import Item, Statement, StatementReader, SyntaxProblem, parse_program
@@ -79,7 +79,7 @@ class Programs:
     def function(self, statement: Statement) -> Callable[[Any], Any]:
         """A statement as a Python function of ``this``."""
         world, node = self.world, statement.node
-        if isinstance(node, Chain):
+        if isinstance(node, LongChain):
             return partial(self._run_chain, node.pieces)
         if isinstance(node, TemplateUse):
             return node.template.unit(world, statement.text, node.values).function(self.ops, statement.base)

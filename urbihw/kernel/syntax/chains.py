@@ -52,7 +52,7 @@ def may_go_on(buffer: str, at: int) -> bool:
     return len(buffer) - at <= LONGEST_PIECE * SHORTEST and _BEGUN.match(buffer, at) is not None
 
 
-class Chain(Node):
+class LongChain(Node):
     """Stands for the syntax of a long chain: its pieces, each a statement; the last may be the rest of the chain."""
 
     __slots__ = ("pieces",)

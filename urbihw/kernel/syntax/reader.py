@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from urbihw.kernel.errors import TOO_DEEP
 from urbihw.kernel.syntax.ast import Empty, Node
-from urbihw.kernel.syntax.chains import PIECE, Chain, is_long, may_go_on
+from urbihw.kernel.syntax.chains import PIECE, LongChain, is_long, may_go_on
 from urbihw.kernel.syntax.hints import hint
 from urbihw.kernel.syntax.lexer import Lexer
 from urbihw.kernel.syntax.location import Location, Position
@@ -306,7 +306,7 @@ class StatementReader:
                 statement = next(each for each in parse_program(text) if isinstance(each, Statement))
             else:
                 pieces.append(statement)
-                statement = Statement(Chain(pieces), statement.separator, base, "")
+                statement = Statement(LongChain(pieces), statement.separator, base, "")
             statement = statement._replace(base=base)
         items.append(statement)
 
