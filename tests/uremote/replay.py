@@ -142,7 +142,7 @@ _OWN: tuple[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]], ...] =
     (re.compile(r'(\[1, "[\w.]+", .*), [-+.\de]+\]$', re.DOTALL), r"\1, STAMP]"),
     (re.compile(r" \(possible misspelling of \w+\)"), ""),
     (re.compile(r"0x\w+"), "0xADDRADDRADDR"),
-    (re.compile(r"!!! \d+\.\d+(-\d+)?(\.\d+)?: "), "!!! P: "),
+    (re.compile(r"!!! (<src>/\S+:)?\d+\.\d+(-\d+)?(\.\d+)?: "), "!!! P: "),
     (re.compile(r"from: \d+\.\d+(-\d+)?: "), "from: P: "),
     (re.compile(r"\d+\.\d{6,}"), lambda match: f"{float(match[0]):g}"),
 )
