@@ -2,9 +2,9 @@
 
     .venv/bin/python -m bench.remote
 
-The program is a socket that says what the SDK says (remote UObject protocol, sections 5 to 7): ten thousand writes of one
-callback are one statement in text mode.  Figures are the processor time of the server's thread for each write and call,
-which hold on a loaded machine; for calls also the median of the time that the caller waits.
+The program is a socket that says what the SDK says (remote UObject protocol, sections 5 to 7): ten thousand writes of
+one callback are one statement in text mode.  Figures are the processor time of the server's thread for each write and
+call, which hold on a loaded machine; for calls also the median of the time that the caller waits.
 """
 
 from __future__ import annotations

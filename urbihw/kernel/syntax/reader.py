@@ -268,8 +268,10 @@ class StatementReader:
         """Take one piece of a long chain; False if none begins here, None if that depends on what comes."""
         lexer = self._lexer
         buffer, at = lexer.unread_input
-        if not self._pieces and buffer.find("|", at) < 0:
-            return False
+        if not self._pieces:
+            joint = buffer.find("|", at)
+            if joint < 0 or buffer.startswith(";", joint + 1):  # the end of most statements of programs
+                return False
         match = PIECE.match(buffer, at) if self._pieces or is_long(buffer, at) else None
         if match is None:
             return None if not lexer.closed and may_go_on(buffer, at) else False
