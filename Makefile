@@ -59,6 +59,7 @@ bench: .venv/installed-dev .venv/installed-mujoco
 	$(BIN)/python -m bench.nxt
 	$(BIN)/python -m bench.spykee
 	$(BIN)/python -m bench.nao
+	$(BIN)/python -m bench.remote
 	$(BIN)/python -m bench.stop
 	$(BIN)/python -m bench.worlds
 

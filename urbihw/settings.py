@@ -82,6 +82,7 @@ class SettingRule:
         each: the rule of the members of a list.
         length: required number of members of a list; None for any number.
         rising: the members must not fall, and the last must be above the first.
+        pattern: a regular expression for the JSON schema, of texts that the table's own check accepts; "" for any.
     """
 
     kinds: tuple[type, ...]
@@ -94,6 +95,7 @@ class SettingRule:
     each: SettingRule | None = None
     length: int | None = None
     rising: bool = False
+    pattern: str = ""
 
     def accepts(self, value: object) -> bool:
         """Whether a value fulfils the rule.  A TOML boolean is no number."""
@@ -135,6 +137,8 @@ class SettingRule:
         made |= {name: bound for name, bound in bounds.items() if bound is not None}
         if self.each is not None:
             made["items"] = self.each.schema()
+        if self.pattern:
+            made["pattern"] = self.pattern
         if self.length is not None:
             made |= {"minItems": self.length, "maxItems": self.length}
         return made

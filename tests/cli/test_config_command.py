@@ -59,6 +59,18 @@ def test_check_tells_all_mistakes_one_line_each(capsys: Capture, file: Path) -> 
     ]
 
 
+def test_check_for_programs(capsys: Capture, file: Path) -> None:
+    file.write_text("prot = 1\nrate = 'fast'\n")
+    assert main(("config", "check", "robot.toml", "--json")) == 78
+    out, err = capsys.readouterr()
+    told = json.loads(out)
+    assert (err, told["file"], [row["setting"] for row in told["mistakes"]]) == ("", "robot.toml", ["prot", "rate"])
+    assert told["mistakes"][0]["text"].endswith("no such setting; did you mean port?")
+    file.write_text('platform = "bioloid"\n')
+    assert main(("config", "check", "robot.toml", "--json")) == 0
+    assert json.loads(capsys.readouterr().out) == {"file": "robot.toml", "mistakes": []}
+
+
 def test_check_and_show_take_the_file_either_way(capsys: Capture, file: Path) -> None:
     file.write_text('platform = "bioloid"\nport = 4711\n')
     for words in (["robot.toml"], ["--config", "robot.toml"]):

@@ -64,6 +64,18 @@ def test_status_has_a_line_for_the_robot_and_one_for_each_device(add: Add, capsy
     assert robot.heard == [{"do": "health"}]
 
 
+def test_status_for_programs(add: Add, capsys: Capture) -> None:
+    answer = hot()
+    answer["devices"][0]["values"]["voltage"] = float("nan")
+    add(answer=answer)
+    add("nxt-54001", None)
+    assert main(("status", "--json")) == 69
+    told = json.loads(capsys.readouterr().out)
+    assert told["bioloid-54000"]["verdict"] == "warning"
+    assert told["bioloid-54000"]["devices"][0]["values"]["voltage"] is None
+    assert (told["nxt-54001"]["verdict"], told["nxt-54001"]["devices"]) == ("bad", [])
+
+
 def test_the_verdict_of_a_robot_that_is_well(add: Add, capsys: Capture) -> None:
     add()
     assert main(("health",)) == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
@@ -50,6 +51,14 @@ def test_serve_wants_a_platform(capsys: Capture) -> None:
 def test_platforms_lists_the_bioloid(capsys: Capture) -> None:
     assert main(("platforms",)) == 0
     assert re.search(r"^bioloid .*Robotis Bioloid.*\d+ of \d+ rules, --fake\)$", capsys.readouterr().out, re.MULTILINE)
+
+
+def test_platforms_for_programs(capsys: Capture) -> None:
+    assert main(("platforms", "--json")) == 0
+    rows = {row["name"]: row for row in json.loads(capsys.readouterr().out)}
+    assert "Robotis Bioloid" in rows["bioloid"]["title"]
+    assert (rows["bioloid"]["wheel"], rows["bioloid"]["fake"]) == ("urbihw", True)
+    assert re.fullmatch(r"\d+ of \d+ rules", rows["bioloid"]["checklist"])
 
 
 def test_platforms_prints_the_program_for_a_robot(capsys: Capture) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import fcntl
+import json
 import os
 import pty
 import re
@@ -105,6 +106,13 @@ def test_a_pipe_gets_lines(environment: dict[str, str], robot: Robot) -> None:
     lines = done.stdout.splitlines()
     assert (done.returncode, done.stderr, len(lines)) == (0, "", 2)
     assert all(re.fullmatch(rf"\d\d:\d\d:\d\d {re.escape(LINE)}", line) for line in lines)
+
+
+def test_a_program_gets_objects(environment: dict[str, str], robot: Robot) -> None:
+    done = subprocess.run((*MONITOR, "--count", "1", "--json"), capture_output=True, text=True, timeout=TIMEOUT_S,
+                          env=environment, stdin=subprocess.DEVNULL)  # fmt: skip
+    (told,) = json.loads(done.stdout).values()
+    assert (told["line"], told["devices"][0]["device"]) == (LINE, 6)
 
 
 def test_a_dumb_terminal_gets_lines(environment: dict[str, str], robot: Robot) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import ssl
 import stat
@@ -222,6 +223,9 @@ def test_list_and_remove(home: Path, capsys: pytest.CaptureFixture[str]) -> None
     Tokens(home).add("alice")
     assert main(["access", "list"]) == 0
     assert capsys.readouterr().out.startswith("alice  since 20")
+    assert main(["access", "list", "--json"]) == 0
+    (row,) = json.loads(capsys.readouterr().out)
+    assert row["name"] == "alice" and row["since"].startswith("20")
     assert main(["access", "remove", "bob"]) == 78
     assert capsys.readouterr().err == "urbihw: there is no token of bob; there are: alice\n"
     assert main(["access", "remove", "alice"]) == 0

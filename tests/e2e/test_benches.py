@@ -19,6 +19,7 @@ QUICK: Final = {
     "nao": r"nao, .*: [\d.]+ pictures/s of .* sent \(asked 30\)|nao, libqi: its package is not there",
     "nxt": r"late ticks: \d+; processor: ",
     "p3dx": r"another thread is late by [\d.]+ ms",
+    "remote": r"a call of its function, frames +\d+ ",
     "segway": r"every core busy +usb +50 Hz +\d+ ",
     "spykee": r"camera, micro, speaker +[\d.]+%",
     "uobject": r"film by RTP, .*: [\d.]+ pictures a second",

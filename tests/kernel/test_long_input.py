@@ -81,6 +81,8 @@ LONG = {
     "text": ('"' + "a" * 5_000_000 + '".size', ["[] 5000000"]),
     "comment": ("/*" + "a b; " * 2_000_000 + "*/ 1", ["[] 1"]),
     "statements": ("nil;" * 50_000 + "2", ["[] 2"]),
+    "long chain": ("var Global.n = 0|; " + "".join(f"Global.n = {n}|" for n in range(20_000)) + "Global.n",
+                   ["[] 19999"]),
     "eval": ('eval("[" + "1, " * 50000 + "1].size")', ["[] 50001"]),
     "eval of statements": ('eval("nil; " * 50000 + "3")', ["[] 3"]),
     "wrong at the end": ("[" + "1, " * 50_000 + "1 1]", ["[:error] !!! 1.150004: syntax error: unexpected float"]),

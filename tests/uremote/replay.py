@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -133,7 +134,7 @@ def declared(name: str, whole: str) -> str:
     return "\n".join(lines)
 
 
-_OWN = (
+_OWN: tuple[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]], ...] = (
     (re.compile(r"\[\d{8,}"), "[T"),
     (re.compile(r'(__version\]) ".*"'), r"\1 VERSION"),
     (re.compile(r'(__ident\]) ".*"'), r"\1 IDENT"),
@@ -141,11 +142,12 @@ _OWN = (
     (re.compile(r'(\[1, "[\w.]+", .*), [-+.\de]+\]$', re.DOTALL), r"\1, STAMP]"),
     (re.compile(r" \(possible misspelling of \w+\)"), ""),
     (re.compile(r"0x\w+"), "0xADDRADDRADDR"),
-    (re.compile(r"!!! \d+\.\d+(-\d+)?(\.\d+)?: "), "!!! P: "),
+    (re.compile(r"!!! (<src>/\S+:)?\d+\.\d+(-\d+)?(\.\d+)?: "), "!!! P: "),
     (re.compile(r"from: \d+\.\d+(-\d+)?: "), "from: P: "),
+    (re.compile(r"\d+\.\d{6,}"), lambda match: f"{float(match[0]):g}"),
 )
 """What each server says in its own way: times, its version, addresses, positions (line 1 ends with the handshake of
-the recording), and the newer one's guesses at misspellings."""
+the recording), the newer one's guesses at misspellings, and numbers, of which the original sends six digits."""
 
 
 def neutral(text: str) -> list[str]:

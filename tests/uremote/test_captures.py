@@ -72,6 +72,16 @@ def test_all_kinds_of_values(name: str) -> None:
     assert difference(name, wanted, got) == ""
 
 
+@pytest.mark.parametrize("name", [
+    "client-urbi-send.txt", "client-gets.txt", "client-callbacks.txt", "client-pictures.txt",
+])
+def test_clients(name: str) -> None:
+    """Blocking gets, callbacks by the channel of a line, binaries; one is a recording, the others are composed."""
+    wanted, got = Replay().play(relayed(name))
+    assert difference(name, wanted, got) == ""
+    assert len(wanted) >= 5
+
+
 @pytest.mark.parametrize("name", ["handmade-remote-text.txt", "handmade-remote-binary.txt"])
 def test_remotes_written_by_hand(name: str) -> None:
     replay, steps = Replay(), typed(name)

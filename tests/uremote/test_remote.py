@@ -103,8 +103,8 @@ def test_values_go_there_and_back(place: Remote, value: str) -> None:
         assert place.say("got == sent;") == ["true"]
 
 
-def test_all_digits_unless_the_server_is_old(place: Remote) -> None:
-    assert place.say("lamp.back(1/3) == 1/3;") == ["false" if place.old else "true"]
+def test_numbers_have_all_digits(place: Remote) -> None:
+    assert place.say("lamp.back(1/3) == 1/3;") == ["true"]
 
 
 def test_a_refusal_and_a_limit_reach_the_server(place: Remote, caplog: pytest.LogCaptureFixture) -> None:

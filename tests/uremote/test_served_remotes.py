@@ -155,7 +155,7 @@ def test_a_variable_of_what_is_no_device_is_refused_and_the_rest_goes_on(place: 
         said = place.say(place.remote, f"external var {path} from X|external function (0) X.f{path[-1]} from X|;")
         assert len(said) == 1 and said[0].startswith("!!! "), said
         assert place.say(place.user, f'X.hasSlot("f{path[-1]}");') == ["true"]
-    assert place.say(place.user, "System.version;") == ['"2.3"']
+    assert place.say(place.user, "System.version;") == ['"2.3.0"']
     assert place.say(place.user, "System.version = 3|; var x = UObject.new|; var x.v = 1|;")[1:] == []
     assert place.heard(place.remote) == []
 
@@ -168,7 +168,7 @@ def test_a_remote_is_told_a_version_from_which_on_it_speaks_binary(place: Place)
     asked = ", ".join(f'PackageInfo.components["Urbi SDK"].{name}' for name in ("major", "minor", "subMinor", "patch"))
     (said,) = place.say(place.remote, f'try {{ Channel.new("URBI_1") << {{[{asked},]}} }} catch (var e) {{}},')
     assert [int(number) for number in said.strip("[]").split(", ")] >= [2, 6, 0, 13]
-    assert place.say(place.remote, "System.version;") == ['"2.3"']
+    assert place.say(place.remote, "System.version;") == ['"2.3.0"']
 
 
 # ---------------------------------------------------------------- RTP, which is not theirs here

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from collections.abc import Awaitable, Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -11,6 +12,8 @@ import aiohttp
 import pytest
 from browser_lab import Site, site
 
+from urbihw.cli.main import main
+from urbihw.daemon.state import state_folder
 from urbihw.web.pairing import CODE_LIFETIME_S, COOKIE_DAYS, BadPairing, Pairings
 
 Test = Callable[[Site], Awaitable[None]]
@@ -161,6 +164,18 @@ def test_a_cookie_ends_after_its_days(tmp_path: Path) -> None:
         file.write_text(file.read_text().replace(browser.made, (today - timedelta(days=days)).isoformat()))
         assert (pairings.find(cookie, 54080) is not None) is known
         file.write_text(file.read_text().replace((today - timedelta(days=days)).isoformat(), browser.made))
+
+
+def test_the_list_of_browsers_for_programs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+    pairings = Pairings(state_folder())
+    assert pairings.redeem(pairings.make_code("anna", "drive", 54080), 54080) is not None
+    assert main(["panel", "list", "--json"]) == 0
+    (row,) = json.loads(capsys.readouterr().out)
+    assert (row["name"], row["role"], row["port"]) == ("anna", "drive", 54080)
+    assert row["since"] == datetime.now(UTC).date().isoformat()
 
 
 def test_wrong_names_and_roles_are_refused(tmp_path: Path) -> None:

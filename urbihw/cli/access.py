@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from pathlib import Path
 
@@ -19,7 +20,8 @@ def options(parser: argparse.ArgumentParser) -> None:
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
     add = verbs.add_parser("add", help="make a token for a user, and print it once")
     add.add_argument("name", metavar="NAME", help="its owner, such as alice@laptop, for the log and for remove")
-    verbs.add_parser("list", help="list the owners of tokens, with dates")
+    listed = verbs.add_parser("list", help="list the owners of tokens, with dates")
+    listed.add_argument("--json", action="store_true", help="for programs")
     remove = verbs.add_parser("remove", help="remove a token; its owner is disconnected")
     remove.add_argument("name", metavar="NAME", help="name given to add")
     fingerprint = verbs.add_parser("fingerprint", help="print that of the certificate, which clients show")
@@ -33,6 +35,9 @@ def run(options: argparse.Namespace) -> int:
         tokens = Tokens(folder)
         if options.verb == "add":
             _add(tokens, options.name, folder)
+        elif options.verb == "list" and options.json:
+            rows = [{"name": entry.name, "since": str(entry.made)} for entry in tokens.entries()]
+            print(json.dumps(rows, indent=2, ensure_ascii=False))
         elif options.verb == "list":
             for entry in tokens.entries():
                 print(f"{entry.name}  since {entry.made}")

@@ -22,6 +22,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     check = verbs.add_parser("check", help="report all mistakes of a file; no port is opened")
     check.add_argument("--config", type=Path, metavar="FILE", help="the same as FILE, as for serve")
     check.add_argument("--platform", metavar="NAME", help="the robot, if the file does not name it")
+    check.add_argument("--json", action="store_true", help="the mistakes as JSON, for programs")
     show = verbs.add_parser("show", help="show every setting, its value and its source")
     show.add_argument("--json", action="store_true", help="as JSON, for programs")
     serve.options(show)
@@ -48,13 +49,17 @@ def run(options: argparse.Namespace) -> int:
     else:
         loaded = load(file, serve.flags(options))
     mistakes = [*loaded.mistakes, *(unusable_files(loaded) if options.verb == "check" else ())]
+    if options.verb == "check" and options.json:
+        rows = [{"setting": each.setting, "text": each.line} for each in mistakes]
+        _print(json.dumps({"file": str(file), "mistakes": rows}, indent=2, ensure_ascii=False))
+        return EX_CONFIG if rows else 0
     if mistakes:
         return _complain(each.line for each in mistakes)
     if options.verb == "check":
         _print(f"{file}: nothing wrong")
     elif options.json:
-        rows = {each.key: {"value": each.value, "from": each.source} for each in entries(loaded)}
-        _print(json.dumps(rows, indent=2, ensure_ascii=False))
+        settings = {each.key: {"value": each.value, "from": each.source} for each in entries(loaded)}
+        _print(json.dumps(settings, indent=2, ensure_ascii=False))
     else:
         _print(as_toml(list(entries(loaded))))
     return 0

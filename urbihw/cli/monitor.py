@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import json
 import os
 import select
 import sys
@@ -54,12 +55,13 @@ def options(parser: argparse.ArgumentParser) -> None:
     """The options of ``urbihw monitor``."""
     reports.options(parser)
     parser.add_argument("--count", type=whole(1, 10**9), metavar="N", help="end after N lines or pictures of the table")
+    parser.add_argument("--json", action="store_true", help="lines for programs: one object a second with all robots")
 
 
 def run(options: argparse.Namespace) -> int:
     """Show the table until q is pressed, or lines until the reader ends."""
     try:
-        if sys.stdin.isatty() and sys.stdout.isatty() and os.environ.get("TERM", "") not in _DUMB:
+        if not options.json and sys.stdin.isatty() and sys.stdout.isatty() and os.environ.get("TERM", "") not in _DUMB:
             return _show_table(options)
         return _print_lines(options, time.sleep)
     except ValueError as error:  # BadConfig
@@ -80,9 +82,13 @@ def _print_lines(options: argparse.Namespace, sleep: Callable[[float], None]) ->
         seen = seen or bool(found)
         if not seen:
             return control.complain(control.no_daemon_problem("health"), EX_UNAVAILABLE)
-        lines = [reports.robot_line(report) for report in found] or [control.no_daemon_problem("health")]
+        if options.json:
+            lines = [json.dumps({report.name: reports.as_row(report) for report in found})]
+        else:
+            texts = [reports.robot_line(report) for report in found] or [control.no_daemon_problem("health")]
+            lines = [f"{time.strftime('%H:%M:%S')} {text}" for text in texts]
         for line in lines:
-            print(f"{time.strftime('%H:%M:%S')} {line}", flush=True)
+            print(line, flush=True)
         left = None if left is None else left - 1
         if left != 0:
             sleep(LINE_PERIOD_S)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import getpass
+import json
 import logging
 import re
 import socket
@@ -58,6 +59,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tls-key", default="", metavar="FILE", help="its key, if the certificate has none")
     parser.add_argument("--speed", type=number(0.01, 100, "speed in rad/s"), default=1.0, metavar="RAD/S",
                         help="of joints, for role drive (%(default)s)")
+    parser.add_argument("--json", action="store_true", help="the list for programs")
     add_access(parser)
 
 
@@ -68,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
         if words[:1] == ["pair"] and len(words) == 1:
             return _pair(options)
         if words[:1] == ["list"] and len(words) == 1:
-            return _list()
+            return _list(options.json)
         if words[:1] == ["remove"] and len(words) == 2:
             return _remove(words[1])
         if len(words) > 1 or words and words[0] in VERBS:
@@ -181,10 +183,14 @@ def _address_in(folder: Path, number: int) -> str:
         raise CliRefused(f"cannot read {error.filename}: {error.strerror}; use sudo for a service") from error
 
 
-def _list() -> int:
+def _list(as_json: bool) -> int:
     from urbihw.web.pairing import Pairings
 
-    for each in Pairings(state_folder(create=False)).browsers():
+    browsers = Pairings(state_folder(create=False)).browsers()
+    if as_json:
+        rows = [{"name": each.name, "role": each.role, "port": each.port, "since": str(each.made)} for each in browsers]
+        print(json.dumps(rows, indent=2, ensure_ascii=False))
+    for each in [] if as_json else browsers:
         print(f"{each.name}  {each.role}  port {each.port}  since {each.made}")
     return EX_OK
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import tomllib
 from pathlib import Path
@@ -15,13 +16,14 @@ from urbihw.kernel.uobject import BadConfig
 def options(parser: argparse.ArgumentParser) -> None:
     """The options of ``urbihw platforms``."""
     parser.add_argument("--on-robot", metavar="NAME", help="print the program of this platform for the robot itself")
+    parser.add_argument("--json", action="store_true", help="for programs")
 
 
 def run(options: argparse.Namespace) -> int:
     """Print one line for each robot: name, title, progress of its checklist; or a program."""
     if options.on_robot is not None:
         return print_program(options.on_robot)
-    broken = False
+    broken, rows = False, []
     for folder in platforms.folders():
         try:
             manifest = platforms.read(folder)
@@ -30,7 +32,13 @@ def run(options: argparse.Namespace) -> int:
             print(f"urbihw: {error}", file=sys.stderr)
             continue
         fake = ", --fake" if manifest.fake else ""
+        if options.json:
+            rows.append({"name": manifest.name, "title": manifest.title, "wheel": manifest.wheel or "urbihw",
+                         "checklist": maturity(folder.path), "fake": bool(manifest.fake)})
+            continue
         print(f"{manifest.name:10} {manifest.title} ({maturity(folder.path)}{fake})")
+    if options.json:
+        print(json.dumps(rows, indent=2, ensure_ascii=False))
     return EX_CONFIG if broken else 0
 
 

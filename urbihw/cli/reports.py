@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from urbihw.buses.verdict import Level, Reason, device_name, judge, level_of, number_in, table_in
+from urbihw.buses.verdict import Level, Reason, device_name, judge, level_of, number_in, rows_in, table_in
 from urbihw.cli import control
 from urbihw.cli.reach import accepts
 from urbihw.daemon.runtime import control_sockets, service_socket_names
@@ -106,6 +106,12 @@ def robot_line(report: Report) -> str:
     return clean(f"{report.name}: {report.level.word}: {', '.join(parts)}")
 
 
+def as_row(report: Report) -> dict[str, Any]:
+    """The robot for programs: its verdict, the line for people, and its devices as they tell themselves."""
+    devices = without_nan(rows_in(report.told, "devices"))
+    return {"verdict": report.level.word, "line": robot_line(report), "devices": devices}
+
+
 def device_line(row: Mapping[str, Any]) -> str:
     """A device in one line."""
     model = f" {row['model']}" if row.get("model") else ""
@@ -126,7 +132,7 @@ def value_text(row: Mapping[str, Any], quantity: str, table: str = "values") -> 
     return f"{_FORMATS.get(quantity, '{:.2f}').format(value)}{f' {unit}' if unit else ''}"
 
 
-def without_nan(told: Mapping[str, Any]) -> Any:
+def without_nan(told: Any) -> Any:
     """An answer with null for numbers that JSON does not have: nan, inf."""
     return json.loads(json.dumps(told), parse_constant=lambda _: None)
 

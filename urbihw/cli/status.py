@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 
 from urbihw.buses.verdict import rows_in
 from urbihw.cli import reports
@@ -12,6 +13,7 @@ from urbihw.exitcodes import EX_OK, EX_UNAVAILABLE
 def options(parser: argparse.ArgumentParser) -> None:
     """The options of ``urbihw status``."""
     reports.options(parser)
+    parser.add_argument("--json", action="store_true", help="for programs")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -19,7 +21,9 @@ def run(options: argparse.Namespace) -> int:
     found = reports.collect_or_complain(options.socket)
     if isinstance(found, int):
         return found
-    for report in found:
+    if options.json:
+        print(json.dumps({report.name: reports.as_row(report) for report in found}, indent=2))
+    for report in [] if options.json else found:
         print(reports.robot_line(report))
         for row in rows_in(report.told, "devices"):
             print(f"  {reports.device_line(row)}")

@@ -54,6 +54,10 @@ MAX_FILE_BYTES = 64 * 1024
 MAX_DEPTH = 32
 """Maximum nesting depth of lists and tables, and maximum number of parts of a dotted key.  Settings need three; the
 time of the TOML parser grows with the square of the depth."""
+_OCTET = "(25[0-5]|2[0-4][0-9]|1[0-9][0-9]|[1-9]?[0-9])"
+_PORT = "(6553[0-5]|655[0-2][0-9]|65[0-4][0-9]{2}|6[0-4][0-9]{3}|[1-5][0-9]{4}|[1-9][0-9]{0,3})"
+METRICS = replace(TEXT, pattern=rf"^$|^(127(\.{_OCTET}){{3}}|\[::1\]):{_PORT}$")
+"""The rule of ``metrics``, whose reasons ``parse_address`` tells: an address of this machine alone, and a port."""
 _TABLES = ("options", "limits", "devices")
 _NESTING = re.compile(
     r"""(?:\"{3}[\s\S]*?\"{3}|'{3}[\s\S]*?'{3}|"(?:\\.|[^"\\\n])*+"|'[^'\n]*+'|\#[^\n]*+)"""  # strings and comments
@@ -136,7 +140,7 @@ class Config(SettingsTable):
     devices: dict[str, Any] = setting({}, TABLE)
     motions: str = setting("", TEXT)
     control: str = setting("", TEXT)
-    metrics: str = setting("", TEXT)
+    metrics: str = setting("", METRICS)
     web: bool = setting(False, SWITCH)
     panel_host: str = setting("127.0.0.1", TEXT)
     panel_port: int = setting(54080, whole(1, 65535))

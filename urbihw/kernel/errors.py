@@ -6,6 +6,7 @@
       Raised                 raised by native code: a kind of Exception and its arguments, built into an object only
                              on demand
         LookupFailed         a slot was not found
+        ToldBefore           an error that is not reported again
         TooDeep, StatementTooLong  a statement that cannot be compiled
 
 ``sched.signals`` has the exceptions that unwind a job without being errors.
@@ -45,6 +46,10 @@ class LookupFailed(Raised):
     def __init__(self, name: str, target: Any) -> None:
         super().__init__("Lookup", f"lookup failed: {name}", None, name=name)
         self.target = target
+
+
+class ToldBefore(Raised):
+    """An error of a kind that the connection has been told: it ends the statement, and is not reported again."""
 
 
 class TooDeep(Raised):

@@ -60,7 +60,7 @@ class BinaryFeed(Feed):
         else:
             if isinstance(value, BinaryObject):
                 slot.error = ""
-                return value
+                return value if value.content else None  # a camera that is off has no picture
             text = "" if value is self.world.nil or value is self.world.void else "this slot has no Binary"
         if text != slot.error:
             slot.error = text

@@ -11,6 +11,7 @@ import ipaddress
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
+from urbihw.kernel import errors
 from urbihw.kernel.lobby.advice import advice
 from urbihw.kernel.lobby.connection_tag import ConnectionTag
 from urbihw.kernel.lobby.lease import ClientLease
@@ -198,6 +199,8 @@ class Lobby(Obj):
         """Report an uncaught error of a statement to the client; never fails, although describing an error may run the
         client's functions.
         """
+        if isinstance(error, errors.ToldBefore):
+            return
         for line in described(self, error):
             self.output.line(f"!!! {line}", "error")
         if not self.programs.quiet:

@@ -25,6 +25,7 @@ from urbihw.kernel.sched.group import Group
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.signals import Interrupted, JobKilled, StopTag
 from urbihw.kernel.sched.waiting import WaitQueue
+from urbihw.kernel.syntax.chains import LongChain
 from urbihw.kernel.syntax.location import Location
 from urbihw.kernel.syntax.pace import StepPace
 from urbihw.kernel.syntax.reader import Item, Statement, StatementReader, SyntaxProblem, parse_program
@@ -34,6 +35,9 @@ if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
 log = logging.getLogger("urbihw.kernel")
+
+PIECES_PER_STEP = 16
+"""Number of pieces of a long chain that are run at once; half a millisecond of work."""
 
 
 class Programs:
@@ -75,10 +79,24 @@ class Programs:
     def function(self, statement: Statement) -> Callable[[Any], Any]:
         """A statement as a Python function of ``this``."""
         world, node = self.world, statement.node
+        if isinstance(node, LongChain):
+            return partial(self._run_chain, node.pieces)
         if isinstance(node, TemplateUse):
             return node.template.unit(world, statement.text, node.values).function(self.ops, statement.base)
         unit = self.units.get(statement.text, world.lazy_names, world.generic_floats, partial(self.unit, statement))
         return unit.function(self.ops, statement.base)
+
+    def _run_chain(self, pieces: list[Statement], this: Any) -> Any:
+        """Run the pieces of a long chain; between them, others get their turn if they have waited for long.
+
+        Returns the value of the last piece.
+        """
+        value = self.world.void
+        for index, piece in enumerate(pieces):
+            if not index % PIECES_PER_STEP:
+                self.long_work.give_way()
+            value = self.function(piece)(this)
+        return value
 
     def unit(self, statement: Statement) -> CompiledUnit:
         """The compiled statement.  A long one is compiled in steps, and must be compiled in a job."""

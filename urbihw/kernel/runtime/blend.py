@@ -1,6 +1,6 @@
 """Blending: several movements, or a movement and an assignment, of the same variable at the same time.
 
-The property ``blend`` of a slot decides, a String:
+The property ``blend`` of a slot decides, a String, or the number by which the C++ SDK names it (``BY_NUMBER``):
 
 - ``normal`` (and anything else): each movement writes; the last written value counts;
 - ``mix``: the mean of the values of all movements; ``add``: their sum;
@@ -32,6 +32,9 @@ if TYPE_CHECKING:
     from urbihw.kernel.sched.job import Job
 
 MODES = ("normal", "mix", "add", "queue", "discard", "cancel")
+BY_NUMBER = ("mix", "add", "queue", "discard", "cancel", "normal")
+"""The modes by the numbers that programs of the C++ SDK send: ``val.blend = urbi::UMIX`` of the manual (section 4.1)
+arrives as 0.  The order of the others is that in which the modes are documented; it was not seen on a wire."""
 
 
 class Cancelled(Exception):
@@ -169,6 +172,8 @@ class Blender:
 def mode_of(meta: SlotMeta) -> str:
     """The blend mode of a slot."""
     value = None if meta.properties is None else meta.properties.get("blend")
+    if value.__class__ is float and value in range(len(BY_NUMBER)):
+        return BY_NUMBER[int(value)]
     return value.s if isinstance(value, String) and value.s in MODES else "normal"
 
 

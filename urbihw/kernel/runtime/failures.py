@@ -115,24 +115,21 @@ class Failures:
         stack = stack_of(urbi, self._world.hide_system)
         value = self._caught(urbi, stack)
         if isinstance(value, Obj) and self._world.is_a(value, self._world.exception_proto):
-            head = self.exception_text(value)
-            place = self._slot_text(value, "location")
-            loc = self._slot_text(value, "loc")
-            lines = [f"{loc or place}: {head}" if loc or place else head]
-            if loc and stack.routine:  # a syntax error in a text that was being evaluated
-                lines.append(f"   called from: {place}: {stack.routine}")
+            lines = [self.located_exception_text(value)]
+            if stack.routine and self._slot_text(value, "loc"):  # a syntax error in a text that was being evaluated
+                lines.append(f"   called from: {self._slot_text(value, 'location')}: {stack.routine}")
         else:
             lines = [self._world.text(value)]
         return lines + stack.lines()
 
-    def exception_text(self, value: Value) -> str:
-        """``routine: message`` of an Exception."""
+    def located_exception_text(self, value: Value) -> str:
+        """``place: routine: message`` of an Exception, without what is unknown; the place of a syntax error is that in
+        the text."""
         loc = self._slot_text(value, "loc")
-        routine = self._slot_text(value, "routine")
+        place = loc or self._slot_text(value, "location")
+        routine = "syntax error" if loc else self._slot_text(value, "routine")
         message = self._world.text(self._world.send(value, "message"))
-        if loc:
-            return f"syntax error: {message}"
-        return f"{routine}: {message}" if routine else message
+        return "".join([f"{part}: " for part in (place, routine) if part]) + message
 
     def _slot_text(self, value: Value, name: str) -> str:
         holder = self._world.as_obj(value).find(name)

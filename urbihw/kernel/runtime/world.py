@@ -122,7 +122,7 @@ class World:
         self.normalized = failures.normalized
         self.caught = failures.caught
         self.describe = failures.describe
-        self.exception_text = failures.exception_text
+        self.located_exception_text = failures.located_exception_text
         self.checks = ArgumentChecks(self)
         self.identifiers = Identifiers(self)
         self.uid = self.identifiers.uid

@@ -29,9 +29,9 @@ NOTES = {
 """Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
-def starred(text: str) -> str:
-    """A text as ``echo`` prints it: after three stars."""
-    return f"*** {text}" if text else "***"
+def starred(text: str, prefix: str = "***") -> str:
+    """A text as ``echo`` prints it: after three stars, or another prefix."""
+    return f"{prefix} {text}" if text else prefix
 
 
 def deprecated(world: World, old: str, new: str) -> None:

@@ -50,13 +50,19 @@ def init(world: World, this: Obj, message: Value) -> None:
 
 @ROOT.primitive("asString")
 def as_string(world: World, this: Value) -> str:
-    """``Exception.Kind `routine: message'``."""
-    name = world.type_name(this)
+    """``place: routine: message``; the place is known once it has been thrown."""
     if this is world.exception_proto or "message" not in world.as_obj(this).slots:
-        return _full_name(world, this, name)
-    loc = world.as_obj(this).slots.get("loc")
-    place = "" if loc is None else f"{world.text(loc)}: "
-    return f"{_full_name(world, this, name)} `{place}{world.exception_text(this)}'"
+        return _full_name(world, this, world.type_name(this))
+    return world.located_exception_text(this)
+
+
+@ROOT.primitive("asPrintable")
+def as_printable(world: World, this: Value) -> str:
+    """``Exception.Kind `asString'``."""
+    name = _full_name(world, this, world.type_name(this))
+    if this is world.exception_proto or "message" not in world.as_obj(this).slots:
+        return name
+    return f"{name} `{world.text(this)}'"
 
 
 def _full_name(world: World, this: Value, name: str) -> str:

@@ -129,9 +129,9 @@ def own_lobby(world: World, this: Value) -> SpeakerLobby:
     return lobby
 
 
-def echo_to(world: World, lobby: SpeakerLobby, value: Value, channel: str) -> None:
-    """Send one line after three stars."""
-    lobby.output.line(starred(world.text(value)), channel)
+def echo_to(world: World, lobby: SpeakerLobby, value: Value, channel: str, prefix: str = "***") -> None:
+    """Send one line after a prefix."""
+    lobby.output.line(starred(world.text(value), prefix), channel)
 
 
 @TABLE.primitive("introduce")
@@ -150,9 +150,9 @@ def introduce(world: World, this: Value, name: str) -> None:
 
 
 @TABLE.primitive("echo")
-def echo(world: World, this: Value, value: Value, channel: str = "") -> None:
-    """Send the text of a value after three stars, with a label if one is given."""
-    echo_to(world, connected_lobby(this), value, channel)
+def echo(world: World, this: Value, value: Value, channel: str = "", prefix: str = "***") -> None:
+    """Send the text of a value after three stars or another prefix, with a label if one is given."""
+    echo_to(world, connected_lobby(this), value, channel, prefix)
 
 
 @TABLE.primitive("echoEach")
@@ -265,11 +265,12 @@ def clone(world: World, this: Value) -> None:
 
 
 @GLOBAL.primitive("echo")
-def global_echo(world: World, this: Value, value: Value, channel: str = "") -> None:
-    """Send the text of a value after three stars to the running job's connection, with a label if one is given."""
+def global_echo(world: World, this: Value, value: Value, channel: str = "", prefix: str = "***") -> None:
+    """Send the text of a value after three stars or another prefix to the running job's connection, with a label if one
+    is given."""
     context = world.scheduler.running().context
     if context is not None:
-        echo_to(world, context, value, channel)
+        echo_to(world, context, value, channel, prefix)
 
 
 def install(world: World, programs: Any) -> None:

@@ -25,7 +25,7 @@ from urbihw.kernel.value import Value
 
 TABLE = Table("System")
 PROTOS = {"System": ("Object",)}
-VERSION = "2.3"
+VERSION = "2.3.0"
 """The implemented version of the language."""
 
 NOTES = {

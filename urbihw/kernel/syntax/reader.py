@@ -16,7 +16,8 @@ from typing import NamedTuple
 
 from urbihw.kernel.errors import TOO_DEEP
 from urbihw.kernel.syntax.advice import advice
-from urbihw.kernel.syntax.ast import Node
+from urbihw.kernel.syntax.ast import Empty, Node
+from urbihw.kernel.syntax.chains import PIECE, LongChain, is_long, may_go_on
 from urbihw.kernel.syntax.hints import hint
 from urbihw.kernel.syntax.lexer import Lexer
 from urbihw.kernel.syntax.location import Location, Position
@@ -28,6 +29,8 @@ MAX_TOKENS = 250_000
 """Maximum number of words and signs of a statement; each error counts as one. A statement of this size takes 100 to 300
 MB to read and to compile, and 25 ms to free.
 """
+TOKENS_OF_A_PIECE = 2
+"""What a piece of a long chain counts as: it takes no more memory than two words."""
 MAX_OPEN = 20_000
 """Maximum number of unfinished brackets and operators of a statement."""
 MAX_BYTES = 16 * 1024 * 1024
@@ -119,6 +122,8 @@ class StatementReader:
         """Total number of words and signs read, except those of cached statements."""
         self._tokens = 0
         self._bytes = 0
+        self._pieces: list[Statement] = []
+        """What has been cut of a long chain whose end has not been read yet."""
         # Inside a refused statement: the number of its open brackets; else None.
         self._open: int | None = None
 
@@ -162,8 +167,12 @@ class StatementReader:
                 if not self._skip(pace):
                     return
                 continue
-            if self._cache is not None and lexer.is_at_start and self._find_known(self._cache, items):
-                continue
+            if self._cache is not None and lexer.is_at_start:
+                cut = self._cut_piece(self._cache, items, pace)
+                if cut is None:
+                    return
+                if cut or self._find_known(self._cache, items):
+                    continue
             tokens = self._tokens
             while (token := lexer.next()) is not None:
                 self._tokens = tokens = tokens + 1
@@ -179,7 +188,7 @@ class StatementReader:
                 if not too_much:
                     return
                 self._refuse(too_much, items)
-        if not lexer.is_inside:
+        if not lexer.is_inside and not self._pieces:
             self._bytes = 0
 
     def _too_much(self, tokens: int) -> str:
@@ -197,6 +206,7 @@ class StatementReader:
         items.append(SyntaxProblem(message, Location(self._lexer.base, self._lexer.position)))
         self._open = self._parser.open_brackets()
         self._parser.discard()
+        self._pieces.clear()
         self._lexer.drop_text()
 
     def _skip(self, pace: StepPace) -> bool:
@@ -248,13 +258,63 @@ class StatementReader:
             place = Location.of(problem.span, base)
             items.append(SyntaxProblem(message, place, problem.warning, "" if told == before else told))
             broken = broken or not problem.warning
-        if node is not None and not broken:
+        if broken:
+            self._pieces.clear()
+        elif node is not None or self._pieces:
             separator = "" if ending.kind == "END" else ending.kind
-            items.append(Statement(node, separator, base, text))
-            if self._cache is not None and separator and not parser.problems and not lexer.synclines:
+            self._add(Statement(node or Empty(), separator, base, text), items)
+            if node and self._cache is not None and separator and not parser.problems and not lexer.synclines:
                 self._cache.put(text, _Known(node, separator, lines, end_column))
         parser.problems.clear()
         self._finish_statement()
+
+    def _cut_piece(self, cache: StatementCache, items: list[Item], pace: StepPace) -> bool | None:
+        """Take one piece of a long chain; False if none begins here, None if that depends on what comes."""
+        lexer = self._lexer
+        buffer, at = lexer.unread_input
+        if not self._pieces:
+            joint = buffer.find("|", at)
+            if joint < 0 or buffer.startswith(";", joint + 1):  # the end of most statements of programs
+                return False
+        match = PIECE.match(buffer, at) if self._pieces or is_long(buffer, at) else None
+        if match is None:
+            return None if not lexer.closed and may_go_on(buffer, at) else False
+        text = match[1] + ";"
+        known = cache.get(text) or self._parsed_piece(cache, text)
+        if known is None:
+            return False
+        pace.step()
+        self._pieces.append(Statement(known.node, known.separator, lexer.base, text))
+        self._tokens += TOKENS_OF_A_PIECE
+        lexer.skip(match.end() - at, 0, 0)
+        if too_much := self._too_much(self._tokens):
+            self._refuse(too_much, items)
+        return True
+
+    def _parsed_piece(self, cache: StatementCache, text: str) -> _Known | None:
+        """The cache entry of a piece that is not cached; None if it is no statement of its own."""
+        items = parse_program(text)
+        if len(items) != 1 or not isinstance(items[0], Statement):
+            return None
+        known = _Known(items[0].node, ";", 0, len(text) + 1)
+        cache.put(text, known)
+        return known
+
+    def _add(self, statement: Statement, items: list[Item]) -> None:
+        """Return a statement, which may be the rest of a long chain."""
+        pieces, self._pieces = self._pieces, []
+        if pieces:
+            self.total += self._tokens
+            self._tokens = 0
+            base = pieces[0].base
+            if "&" in statement.text:  # it may bind weaker than the chain
+                text = "".join(piece.text[:-1] + "|" for piece in pieces) + statement.text
+                statement = next(each for each in parse_program(text) if isinstance(each, Statement))
+            else:
+                pieces.append(statement)
+                statement = Statement(LongChain(pieces), statement.separator, base, "")
+            statement = statement._replace(base=base)
+        items.append(statement)
 
     def _find_known(self, cache: StatementCache, items: list[Item]) -> bool:
         """Return the statement that begins here if it is cached."""
@@ -275,7 +335,7 @@ class StatementReader:
         known = cache.get(text)
         if known is None:
             return False
-        items.append(Statement(known.node, known.separator, self._lexer.base, text))
+        self._add(Statement(known.node, known.separator, self._lexer.base, text), items)
         self._lexer.skip(len(text), known.lines, known.end_column)
         return True
 

@@ -82,6 +82,11 @@ class SourceText:
         self._closed = True
 
     @property
+    def closed(self) -> bool:
+        """Whether the input has ended."""
+        return self._closed
+
+    @property
     def unfinished(self) -> bool:
         """Whether the input stops inside a string, a comment or a binary."""
         return self._mode not in ("", "line")

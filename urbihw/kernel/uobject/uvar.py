@@ -77,13 +77,21 @@ class UVar(Hooked):
     def learn(self, value: Any, stamp: float, changed: bool = True) -> None:
         """Store a value that the server has sent for a variable of another owner; ``changed`` tells whether it is a
         change.
+
+        Callbacks and conditions see each change with its own value, however many have come in one packet.
         """
-        self.stamp = stamp
-        self._sensed = self._target = value
-        if not changed:
-            return
-        if self._change or self._watched():
-            self.world.call_soon(self._sensed_changed)
+        heard = bool(self._change) or self._watched()
+
+        def store() -> None:
+            self.stamp = stamp
+            self._sensed = self._target = value
+            if heard and changed:
+                self._sensed_changed()
+
+        if heard:
+            self.world.call_soon(store)
+        else:
+            store()
 
     def receive(self, value: Any, stamp: float, writer: Subscriber | None) -> None:
         """Store an urbiscript value reported by a connection.  Unlike ``sense``, equal values count too; the value is

@@ -48,7 +48,7 @@ class RemoteConnection:
         self.world = registry.world
         self.lobby = lobby
         self.objects: dict[str, Obj] = {}
-        self.exact = False
+        self.bare_names = False
         self.open = True
         self.token = ""
         self.binary = False
@@ -56,6 +56,10 @@ class RemoteConnection:
         self._pending: dict[str, Completion[Any]] = {}
         self._newborn: dict[str, Completion[None]] = {}
         self._ended: dict[str, None] = {}
+        self.refused: set[str] = set()
+        """Names of objects that it declared although they belong to others."""
+        self.told_of_refusal = False
+        """Whether it has been told that a function of such an object is not declared."""
         self._watches: dict[UVar, VariableSubscription] = {}
         self._event_subscriptions: dict[str, tuple[Event, EventSubscription]] = {}
         self._rtp: RtpLink | None = None
@@ -98,12 +102,12 @@ class RemoteConnection:
         """Send one message to the remote."""
         if self.open:
             now, members = self.world.scheduler.now, [float(code), *values]
-            direct = code == MessageCode.CALL and not self.exact
-            self.lobby.output.write(message(self.world, now, CHANNEL, self.exact, members, direct))
+            direct = code == MessageCode.CALL and not self.bare_names
+            self.lobby.output.write(message(self.world, now, CHANNEL, self.bare_names, members, direct))
 
     def send_on_channel(self, channel: str, value: Any) -> None:
         """Send a value on a channel, in the remotes' format."""
-        self.lobby.output.write(message(self.world, self.world.scheduler.now, channel, self.exact, value))
+        self.lobby.output.write(message(self.world, self.world.scheduler.now, channel, self.bare_names, value))
 
     def _take_order(self) -> None:
         """The running job wants something of a device of the remote: that is an order, if the job was ordered."""

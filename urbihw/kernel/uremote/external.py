@@ -12,6 +12,7 @@ writing, calling, and ``destroy`` of a remote's object.
 
 from __future__ import annotations
 
+import math
 import secrets
 from datetime import datetime
 from typing import Any
@@ -26,7 +27,7 @@ from urbihw.kernel.uobject.registry import Registry, registry_of
 from urbihw.kernel.uobject.uvar import UVar, hook
 from urbihw.kernel.uremote import rtp_control
 from urbihw.kernel.uremote.binarymode import binary_mode
-from urbihw.kernel.uremote.connection import RemoteClone, RemoteConnection, RemoteFunction, connection_of
+from urbihw.kernel.uremote.connection import MAX_DECLARED, RemoteClone, RemoteConnection, RemoteFunction, connection_of
 from urbihw.kernel.uremote.subscriptions import RemoteSettings
 
 UOBJECT = Table("UObject")
@@ -39,6 +40,8 @@ VERSION = (2, 6, 0, 13)
 sections 1 and 2).  The version of the language is ``System.version``."""
 MAX_NAME_LENGTH = 255
 """Maximum length, in characters, of the name of an object, variable, function or event."""
+UNSET = {"rangemin": -math.inf, "rangemax": math.inf, "speedmin": 0.0, "speedmax": math.inf, "delta": 0.0}
+"""What the properties of a variable do that are not set."""
 MAX_ARGUMENTS = 64
 """Maximum number of arguments of a function or an event of a remote."""
 MIN_TOKEN_LENGTH = 16
@@ -71,7 +74,8 @@ def declare(world: World, kind: str, path: str, arity: float | None, source: str
 
 def _object(world: World, name: str) -> None:
     """Declare an object.  If the name is taken, the client gets an error message and nothing else happens: remotes of
-    the original then continue with their declarations and expect errors for those (remote UObject protocol, section 3).
+    the original then continue with their declarations and expect errors for those (remote UObject protocol, section 3),
+    of which only the first is reported.
     """
     registry, connection = registry_of(world), connection_of(world)
     if name in connection.objects:
@@ -80,7 +84,10 @@ def _object(world: World, name: str) -> None:
     owner = _owner_of(world, connection, name, known)
     if owner:
         connection.lobby.output.line(f"!!! object: {name} belongs to {owner}, nothing is declared", "error")
+        if len(connection.refused) < MAX_DECLARED:
+            connection.refused.add(name)
         return
+    connection.refused.discard(name)
     lobby = connection.lobby
     if name not in lobby.slots:
         raise errors.lookup_failed(name)
@@ -131,11 +138,22 @@ def _function(world: World, path: str, arity: int) -> None:
     connection = connection_of(world)
     old = holder.slots.get(slot)
     if old is not None and not (isinstance(old, RemoteFunction) and old.replaceable()):
-        raise errors.redefinition(slot)
+        raise _redefined(connection, path.rpartition(".")[0], slot)
     connection.claim(holder, path)
     world.ops.put_slot(holder, slot, RemoteFunction(world, connection, holder, path, arity))
     if slot == "init":
         connection.arrived(path.rpartition(".")[0])
+
+
+def _redefined(connection: RemoteConnection, name: str, slot: str) -> errors.Raised:
+    """The error for a function that exists; for an object that was refused before, the client knows the reason."""
+    error = errors.redefinition(slot)
+    if name not in connection.refused:
+        return error
+    if not connection.told_of_refusal:
+        connection.told_of_refusal = True
+        return error
+    return errors.ToldBefore(error.kind, error.message, None, **error.slots)
 
 
 def _var(world: World, path: str) -> None:
@@ -213,17 +231,32 @@ def sync_get(world: World, this: Any, text: str, tag: str) -> None:
     try:
         value = connection.lobby.programs.evaluate(text, connection.lobby)
         if value is world.void:
-            raise errors.Raised("UnexpectedVoid", "unexpected void", "syncGet")
+            value = _unset_property(world, text)
     except errors.ThrownError as error:
         connection.lobby.output.line(f"!!! {world.describe(error)[0]}", tag)
         return
     connection.send_on_channel(tag, value)
 
 
+def _unset_property(world: World, text: str) -> Any:
+    """The value by which an unset property acts, for ``X.v->rangemin``; an error for other texts.
+
+    The C++ SDK reads properties as numbers, and an error there ends the function that asks.
+    """
+    name = text.rpartition("->")[2].strip()
+    if name == "blend":
+        return world.string("normal")
+    if "->" not in text or name not in UNSET:
+        raise errors.Raised("UnexpectedVoid", "unexpected void", "syncGet")
+    return UNSET[name]
+
+
 @UOBJECT.primitive("exactNumbers")
 def exact_numbers(world: World, this: Any, on: Any) -> None:
-    """Select whether numbers are sent to this connection with all digits, or with six as in the original."""
-    connection_of(world).exact = bool(on)
+    """Select whether names of devices are sent to this connection without quotes, as remotes of this implementation
+    read them.  The word is older than that: numbers have all their digits for all.
+    """
+    connection_of(world).bare_names = bool(on)
 
 
 @UOBJECT.primitive("rejoin")

@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
 
 
-def message(world: World, now: float, channel: str, exact: bool, value: Any, direct: bool = False) -> bytes:
+def message(world: World, now: float, channel: str, bare: bool, value: Any, direct: bool = False) -> bytes:
     """Format the line ``[stamp:channel] value``.
 
     A Python list is a list of its members.  If ``direct``, devices and variables among them are sent as strings with
-    their names, as functions of remotes expect.  ``exact`` is for remotes of this implementation: all digits, and
-    unquoted names.
+    their names, as functions of remotes expect.  ``bare`` is for remotes of this implementation: names of devices are
+    unquoted.  Numbers have all their digits.
     """
     parts: list[bytes] = [f"[{int(now * 1000 + 1e-6):08d}:{channel}] ".encode("latin-1")]
     if isinstance(value, list):
@@ -30,12 +30,12 @@ def message(world: World, now: float, channel: str, exact: bool, value: Any, dir
                 parts.append(b", ")
             name = _name(world, member) if direct else None
             if name is None:
-                _put(world, parts, member, exact and index > 0)
+                _put(world, parts, member, bare and index > 0)
             else:
                 parts.append(quoted(name).encode("latin-1"))
         parts.append(b"]")
     else:
-        _put(world, parts, value, exact)
+        _put(world, parts, value, bare)
     parts.append(b"\n")
     return b"".join(parts)
 
@@ -50,9 +50,9 @@ def _name(world: World, value: Any) -> str | None:
     return None
 
 
-def _put(world: World, parts: list[bytes], value: Any, exact: bool) -> None:
+def _put(world: World, parts: list[bytes], value: Any, bare: bool) -> None:
     if value.__class__ is float:
-        parts.append((number_text(value) if exact else world.text(value)).encode("latin-1"))
+        parts.append(number_text(value).encode("latin-1"))
     elif isinstance(value, BinaryObject):
         head = f" {value.keywords}" if value.keywords else ""
         parts.append(f"BIN {len(value.content)}{head}\n".encode("latin-1"))
@@ -64,16 +64,16 @@ def _put(world: World, parts: list[bytes], value: Any, exact: bool) -> None:
         for index, member in enumerate(value.l):
             if index:
                 parts.append(b", ")
-            _put(world, parts, member, exact)
+            _put(world, parts, member, bare)
         parts.append(b"]")
     elif isinstance(value, Dictionary):
         parts.append(b"[")
         for index, (key, member) in enumerate(value.d.items()):
             parts.append(b", " if index else b"")
             parts.append(quoted(key).encode("latin-1") + b" => ")
-            _put(world, parts, member, exact)
+            _put(world, parts, member, bare)
         parts.append(b"]" if value.d else b" => ]")
-    elif exact and (name := _name(world, value)) is not None:
+    elif bare and (name := _name(world, value)) is not None:
         parts.append(name.encode("latin-1"))
     else:
         parts.append(latin(world.text(world.send(value, "asToplevelPrintable")) if value is not world.nil else "nil"))
