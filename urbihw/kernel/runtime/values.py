@@ -90,6 +90,28 @@ class String(Container):
         return bool(self.s)
 
 
+def string_maker(world: World, protos: list[Any]) -> Callable[[str], String]:
+    """The function that makes the Strings of a world.  It does what ``String.__init__`` does in three quarters of the
+    time: a call of a Python class goes through C and back.
+    """
+    new, most = String.__new__, MAX_STRING_LENGTH
+
+    def string(s: str) -> String:
+        """A String; characters beyond latin-1 become their UTF-8 bytes."""
+        if len(s) > most:
+            raise too_long("characters", most)
+        made = new(String)
+        made.world = world
+        made.protos = protos
+        made.slots = {}
+        made.cache = made.meta = None
+        made.number = 0
+        made.s = s
+        return made
+
+    return string
+
+
 class _Counted(String):
     """Counts the references to a string of one local variable, seen from inside an operator."""
 
@@ -129,6 +151,41 @@ class List(Container):
     def default_truth(self) -> bool:
         """Whether it is not empty."""
         return bool(self.l)
+
+
+_members: Final = List.__dict__["l"]
+
+
+class TextList(List):
+    """The parts of a String as a list that nobody has read yet: it holds Python texts, and becomes a List of Strings
+    when its members are read.
+
+    Most lists of words are read as texts only: joined again, searched, or counted.
+    """
+
+    __slots__ = ()
+
+    @property
+    def texts(self) -> list[str]:
+        """The members as Python texts."""
+        texts: list[str] = _members.__get__(self)
+        return texts
+
+    @property
+    def l(self) -> list[Any]:  # noqa: E743
+        """The members, which are made now."""
+        made = list(map(self.world.string, self.texts))
+        self.l = made
+        return made
+
+    @l.setter
+    def l(self, members: list[Value]) -> None:  # noqa: E743
+        self.__class__ = List  # type: ignore[assignment]
+        _members.__set__(self, members)
+
+    def default_truth(self) -> bool:
+        """Whether it is not empty."""
+        return bool(self.texts)
 
 
 class ProtoList(List):

@@ -27,7 +27,7 @@ from urbihw.kernel.runtime.redefinition import RedefinitionMode
 from urbihw.kernel.runtime.remains import LARGE, Remains
 from urbihw.kernel.runtime.slots import SlotOps
 from urbihw.kernel.runtime.tagscope import RootTag, TagObject
-from urbihw.kernel.runtime.values import CallMessage, Dictionary, FloatObject, Lazy, List, String, Tuple
+from urbihw.kernel.runtime.values import CallMessage, Dictionary, FloatObject, Lazy, List, String, TextList, Tuple, string_maker
 from urbihw.kernel.runtime.watch import Recorder
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.scheduler import Scheduler
@@ -87,6 +87,7 @@ class World:
         self.list_proto = List(self, [self.object], [])
         self.string_protos: list[Any] = [self.string_proto]
         self.list_protos: list[Any] = [self.list_proto]
+        self.string = string_maker(self, self.string_protos)
         self.quick_strings: list[Any] | None = self.string_protos
         self.quick_lists: list[Any] | None = self.list_protos
         self.tuple_proto = Tuple(self, [self.object], [])
@@ -149,15 +150,19 @@ class World:
         """A bare object with these prototypes (Object if none)."""
         return Plain(self, list(protos) or [self.object])
 
-    def string(self, s: str) -> String:
-        """A String; characters beyond latin-1 become their UTF-8 bytes."""
-        return String(self, self.string_protos, s)
-
     def new_list(self, values: list[Value]) -> List:
         """A List that owns ``values``."""
         made = List(self, self.list_protos, values)
         if len(values) >= LARGE:
             self.remains.follow(made)
+        return made
+
+    def new_texts(self, texts: list[str]) -> List:
+        """A List of Strings that are parts of one String, and made when they are read; owns ``texts``."""
+        if len(texts) >= LARGE:
+            return self.new_list([*map(self.string, texts)])
+        made = List(self, self.list_protos, texts)
+        made.__class__ = TextList
         return made
 
     def new_tuple(self, values: Iterable[Value]) -> Tuple:
