@@ -153,7 +153,7 @@ def make_arguments(w: Writer, args: tuple[ast.Node, ...], p: Pos) -> list[py.exp
 
 
 def with_text(made: list[py.expr], takes_text: py.expr) -> list[py.expr]:
-    """Arguments of a call, of which the first, if it is a literal, is a Python str for a function that ``takes_text``."""
+    """Arguments of a call; a literal at their begin is a Python str for a function that ``takes_text``."""
     first = made[0] if made else None
     if not isinstance(first, py.Call) or not isinstance(first.func, py.Name) or first.func.id != NEW_STRING:
         return made

@@ -36,6 +36,7 @@ class Nowhere:
     """The answer for a slot that no ancestor has.  It has no slots, so that reading from it fails."""
 
     slots: ClassVar[dict[str, Any]] = {}
+    meta: ClassVar[None] = None
 
 
 NOWHERE: Final[Any] = Nowhere()

@@ -201,15 +201,26 @@ def make_operators(
 
 def make_update(world: World, ops: SlotOps) -> Callable[[Any, str, Any], Any]:
     """``update_slot``, the verb of ``target.name = value``."""
-    void = world.void
+    void, protected = world.void, world.record.protected
 
     def update_slot(target: Value, name: str, value: Value) -> Value:
-        """``target.name = value``; a local slot that is only a value is written at once."""
+        """``target.name = value``; a local slot that is only a value is written at once, and the first write to a plain
+        object copies the inherited slot.
+        """
         if value is not void and target.__class__ is not float and target.meta is None:
             slots = target.slots
             if name in slots:
                 slots[name] = value
                 return value
+            if target.__class__ is Plain and target.cache is None and (value.__class__ is float or not value.runs):
+                try:
+                    holder = target.protos[0].cache[name]
+                except CACHE_MISS:
+                    pass
+                else:
+                    if holder.meta is None and name in holder.slots and name not in protected and name != "asBool":
+                        slots[name] = value
+                        return value
         return ops.update_other(target, name, value)
 
     return update_slot

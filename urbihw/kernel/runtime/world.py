@@ -27,7 +27,18 @@ from urbihw.kernel.runtime.redefinition import RedefinitionMode
 from urbihw.kernel.runtime.remains import LARGE, Remains
 from urbihw.kernel.runtime.slots import SlotOps
 from urbihw.kernel.runtime.tagscope import RootTag, TagObject
-from urbihw.kernel.runtime.values import CallMessage, Dictionary, FloatObject, Lazy, List, String, TextList, Tuple, string_maker
+from urbihw.kernel.runtime.values import (
+    CallMessage,
+    Dictionary,
+    FloatObject,
+    Lazy,
+    List,
+    String,
+    TextList,
+    Tuple,
+    list_maker,
+    string_maker,
+)
 from urbihw.kernel.runtime.watch import Recorder
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.scheduler import Scheduler
@@ -89,6 +100,7 @@ class World:
         self.list_protos: list[Any] = [self.list_proto]
         self.string = string_maker(self, self.string_protos)
         self.quick_strings: list[Any] | None = self.string_protos
+        self._new_list = list_maker(self, self.list_protos)
         self.quick_lists: list[Any] | None = self.list_protos
         self.tuple_proto = Tuple(self, [self.object], [])
         self.dictionary_proto = Dictionary(self, [self.object], {})
@@ -152,7 +164,7 @@ class World:
 
     def new_list(self, values: list[Value]) -> List:
         """A List that owns ``values``."""
-        made = List(self, self.list_protos, values)
+        made = self._new_list(values)
         if len(values) >= LARGE:
             self.remains.follow(made)
         return made
@@ -161,7 +173,7 @@ class World:
         """A List of Strings that are parts of one String, and made when they are read; owns ``texts``."""
         if len(texts) >= LARGE:
             return self.new_list([*map(self.string, texts)])
-        made = List(self, self.list_protos, texts)
+        made = self._new_list(texts)
         made.__class__ = TextList
         return made
 

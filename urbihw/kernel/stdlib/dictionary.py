@@ -11,7 +11,7 @@ from urbihw.kernel import errors
 from urbihw.kernel.runtime.object import Plain
 from urbihw.kernel.runtime.plain import escaped
 from urbihw.kernel.runtime.primitive import Forms, Table
-from urbihw.kernel.runtime.values import Dictionary, List, String
+from urbihw.kernel.runtime.values import Dictionary, List
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.members import equal, same_members
 from urbihw.kernel.stdlib.slices import NestedWalk, in_slices, sort_in_slices

@@ -12,7 +12,7 @@ from typing import Any
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.code import Executable
-from urbihw.kernel.runtime.values import List, String, TextList
+from urbihw.kernel.runtime.values import List, String, TextList, texts_in
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.group import Group
 from urbihw.kernel.stdlib.slices import NestedWalk, in_slices
@@ -163,8 +163,7 @@ def members_of(world: World, value: Value) -> Iterable[Any]:
 def texts_of(world: World, value: Value) -> list[str]:
     """The ``asString`` of the members of an argument."""
     if value.__class__ is TextList and world.recorder.active is None and "each" not in value.slots:
-        texts: list[str] = value.texts
-        return texts
+        return texts_in(value)
     return [world.text(member) for member in in_slices(world, [*members_of(world, value)])]
 
 
