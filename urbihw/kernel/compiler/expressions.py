@@ -27,8 +27,6 @@ from urbihw.kernel.compiler.visit import Maker, make_expr, make_list, make_thunk
 from urbihw.kernel.compiler.writer import Writer
 from urbihw.kernel.syntax import ast
 
-NEW_STRING = "new_string"
-"""The verb that makes a String of a literal."""
 MAX_REPEATED = 20
 """Maximum number of nodes of the arguments that are compiled twice: for a strict function, and for a lazy one."""
 
@@ -42,7 +40,7 @@ def make_float(node: ast.Float, w: Writer) -> py.expr:
 def make_string(node: ast.StringLiteral, w: Writer) -> py.expr:
     """A string literal, adjacent ones glued."""
     p = w.mark(node)
-    return call(NEW_STRING, [const(node.value, p)], p)
+    return call("new_string", [const(node.value, p)], p)
 
 
 def make_list_literal(node: ast.ListLit, w: Writer) -> py.expr:
@@ -155,7 +153,7 @@ def make_arguments(w: Writer, args: tuple[ast.Node, ...], p: Pos) -> list[py.exp
 def with_text(made: list[py.expr], takes_text: py.expr) -> list[py.expr]:
     """Arguments of a call; a literal at their begin is a Python str for a function that ``takes_text``."""
     first = made[0] if made else None
-    if not isinstance(first, py.Call) or not isinstance(first.func, py.Name) or first.func.id != NEW_STRING:
+    if not isinstance(first, py.Call) or not isinstance(first.func, py.Name) or first.func.id != "new_string":
         return made
     return [choose(takes_text, first.args[0], first, position_of(first)), *made[1:]]
 
