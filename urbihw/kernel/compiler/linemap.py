@@ -7,7 +7,7 @@ that encloses it as an invisible call: the body of a for-each counts as called b
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from urbihw.kernel.syntax.location import Location, Position, Span
 
@@ -28,15 +28,20 @@ class MappedCall(NamedTuple):
 
 
 class LineMap:
-    """The table of one unit, placed where the statement stood: ``base`` is the position of its first character."""
+    """The table of one unit, placed where the statement stood: ``base`` is the position of its first character.
 
-    __slots__ = ("base", "entries", "syntax", "system")
+    ``late_units`` has the code of arguments that turned out to be lazy, by their nodes, and the state of the compiler
+    for it.
+    """
+
+    __slots__ = ("base", "entries", "late_units", "syntax", "system")
 
     def __init__(self, entries: list[MappedPlace], base: Position, system: bool, syntax: object) -> None:
         self.entries = entries
         self.base = base
         self.system = system
         self.syntax = syntax
+        self.late_units: dict[Any, tuple[Any, Any]] = {}
 
     def frames(self, index: int) -> list[MappedCall]:
         """The urbiscript call frames of one instruction, innermost first."""

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from urbihw.kernel.runtime.arguments import Check, annotated_type
 from urbihw.kernel.runtime.code import DirectPrimitive, LazyPrimitive, Primitive, make_primitive
 from urbihw.kernel.runtime.object import Obj
-from urbihw.kernel.runtime.slots import LOGICAL, STRICT_NAMES
+from urbihw.kernel.runtime.slots import LOGICAL
 from urbihw.kernel.value import Value, ValueOrText
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ class Table:
         for row in self.rows:
             for name in row.names:
                 proto.slots[name] = build(world, name, row)
-                if row.kind == "lazy" and name not in LOGICAL | STRICT_NAMES:
+                if row.kind == "lazy" and name not in LOGICAL:
                     world.lazy_names.add(name)
         world.flush()
 

@@ -322,7 +322,7 @@ class SlotOps:
         if name == "asBool":
             self.world.truth_redefined = True
         if isinstance(value, Executable):
-            if name in LOGICAL or (not value.strict and name not in STRICT_NAMES):
+            if name in LOGICAL or not value.strict:
                 self.world.lazy_names.add(name)
             if name in OPERATORS:
                 self.world.operator_redefined(obj)

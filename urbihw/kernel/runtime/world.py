@@ -18,6 +18,7 @@ from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.failures import Failures
 from urbihw.kernel.runtime.holdings import Holdings
 from urbihw.kernel.runtime.identifiers import Identifiers
+from urbihw.kernel.runtime.lazy_names import LazyNames
 from urbihw.kernel.runtime.lookup import Lookups
 from urbihw.kernel.runtime.notifier import Notifier
 from urbihw.kernel.runtime.object import Nil, Obj, Plain, Truth, Void
@@ -68,7 +69,7 @@ class World:
         self.period = 0.02
         self.tag_count = 0
         self.float_slots: dict[int, tuple[float, Obj]] = {}
-        self.lazy_names: set[str] = set()
+        self.lazy_names = LazyNames(scheduler)
         self.classes: dict[str, Any] = {}
         """The built-in prototypes by name (``A.B`` for a slot of another one), where no program can change them."""
         self.generic_floats = False
