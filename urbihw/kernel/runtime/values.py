@@ -137,10 +137,8 @@ _set_members: Final = List.__dict__["l"].__set__
 
 
 class TextList(List):
-    """The parts of a String as a list that nobody has read yet: it holds Python texts, and becomes a List of Strings
-    when its members are read.
-
-    Most lists of words are read as texts only: joined again, searched, or counted.
+    """The parts of a String as a list.  It holds Python texts until its members are read, and then becomes a List of
+    Strings: words that are only joined again never become objects.
     """
 
     __slots__ = ()
