@@ -89,19 +89,19 @@ def _note_spelling(world: World, raised: errors.LookupFailed) -> Callable[[], st
         return None
     name: str = raised.slots["name"]
     own: list[str] = []
-    is_shared = world.record.is_shared
-    ancestor = world.peek_obj(raised.target)
+    ancestor, lines, is_shared = world.peek_obj(raised.target), world.lookups.library, world.record.is_shared
     for _ in range(MAX_ANCESTORS):
-        if len(ancestor.protos) != 1 or is_shared(ancestor):
+        protos = ancestor.protos
+        if ancestor in lines or len(protos) != 1:
             break
         own += ancestor.slots  # the object itself is not kept: it may be large
-        ancestor = world.peek_obj(ancestor.protos[0])
-    library = world.lookups.library.get(ancestor)
+        ancestor = protos[0] if protos[0].__class__ is not float else world.peek_obj(protos[0])
+    library = lines.get(ancestor)
     if library is None:
         line = [world.peek_obj(each) for each in lineage(world, ancestor)[:MAX_ANCESTORS]]
         library = [each.slots for each in line if is_shared(each)]
         if len(library) == len(line):
-            world.lookups.library[ancestor] = library
+            lines[ancestor] = library
         else:
             own += [name for each in line if not is_shared(each) for name in each.slots]
     counts = list(map(len, library))  # what is added later stands behind these
