@@ -65,6 +65,9 @@ def language(turns: int) -> None:
     print(COLUMNS.format("work", "urbihw", "Python", "ratio", "budget", ""))
     for work in WORKS:
         machine = Machine()
+        if work.elsewhere:
+            machine.kernel.open_lobby().feed(work.elsewhere.encode())
+            machine.run("")
         machine.run(f"{work.before}\nfunction work() {{ {work.urbi} }}|;\nwork()|;\n")
         ours, theirs = [], []
         for _ in range(turns):

@@ -184,6 +184,36 @@ def typed_lines(count: int, turns: int) -> None:
         row("a typed line, beside an echo", f"{typed * 1e6:.0f} us", f"{bare * 1e6:.0f} us", typed / bare, 2)
 
 
+def shaped_lines(count: int, turns: int) -> None:
+    """What a line costs the server whose shape it has not met."""
+    number = iter(range(1, 10**9))
+    with served(*OURS) as (pid, connection, _):
+        costs = []
+        for _ in range(turns + 1):
+            shapes = [next(number) for _ in range(count)]
+            costs.append(cost(pid, connection, [b"var v%d = [%d, nil.isNil].size|;\n" % (n, n) for n in shapes]))
+        row("a typed line of a new shape", "", "", statistics.median(costs[1:]) * 1e3, 0.6, " ms")
+
+
+def beside_loops(seconds: int) -> None:
+    """How long an answer takes beside 1000 loops, and how many of their turns they get."""
+    with served(*OURS) as (_, connection, _):
+        connection.sendall(b"var n = 0|; for& (1000) { every (100ms) n += 1 },\n")
+        time.sleep(1)
+        connection.sendall(b"n = 0|; var from = System.time|;\n")
+        asked, begun = [], time.perf_counter()
+        while time.perf_counter() - begun < seconds:
+            asked.append(ask(connection, b"1;\n", 1, 1))
+            time.sleep(0.01)
+        connection.sendall(b"n / (System.time - from);\n")
+        turns = float(connection.recv(4096).split()[-1])
+    asked.sort()
+    slow = asked[len(asked) * 99 // 100]
+    row("an answer beside 1000 loops every(100ms), 99 %", "", "", slow * 1e3, 20, " ms")
+    verdict = "" if turns >= 9900 else "UNDER"
+    print(COLUMNS.format("turns of these loops a second", "", "", f"{turns:.0f}", "9900", verdict))
+
+
 def server(turns: int, clients: int) -> None:
     """The rows over loopback."""
     print()
@@ -192,6 +222,8 @@ def server(turns: int, clients: int) -> None:
         pass  # fills the cache of the compiled library
     written_lines(1500 if turns > 1 else 50, turns)
     typed_lines(1500 if turns > 1 else 50, turns)
+    shaped_lines(300 if turns > 1 else 20, turns)
+    beside_loops(turns)
     starts, sizes = [], []
     for _ in range(turns):
         with served(*OURS) as (pid, connection, took):

@@ -8,13 +8,17 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Work:
-    """The same work twice: ``urbi`` is the body of a function, ``python`` a function."""
+    """The same work twice: ``urbi`` is the body of a function, ``python`` a function.
+
+    ``before`` is typed first, ``elsewhere`` by another client before that.
+    """
 
     name: str
     urbi: str
     python: Callable[[], object]
     budget: float
     before: str = ""
+    elsewhere: str = ""
 
 
 def fibo(n: float) -> float:
@@ -218,6 +222,9 @@ WORKS = (
     Work("call by the name of a lazy function, 50 000",
          "var a = A.new; for| (var i = 0; i < 50000; i += 1) a.add(i)", call_adder, 8,
          "function add { call.args.size }|; class A { function add(x) { x } }|;"),
+    Work("the same, which another client has defined, 50 000",
+         "var a = A.new; for| (var i = 0; i < 50000; i += 1) a.add({ var x = i; x })", call_adder, 5,
+         "class A { function add(x) { x } }|;", "function add { call.args.size }|;"),
     Work("K.new(1), 10 000", "for| (10000) K.new(1)", make_objects, 10,
          "class K { var size = 0; function init(x) { size = x } }|;"),
     Work("dictionary write, 20 000", 'var d = [=>]; for| (20000) d["a"] = 1', write_dictionary, 10),

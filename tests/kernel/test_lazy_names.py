@@ -24,11 +24,11 @@ def code_size(text: str, lazy_names: set[str]) -> int:
 def test_names_that_everybody_uses_stay_strict() -> None:
     kernel = Kernel(SimClock())
     lobby = kernel.open_lobby()
-    assert not STRICT_NAMES & kernel.host.world.lazy_names
+    assert not STRICT_NAMES & kernel.host.world.lazy_names.known_to(lobby)
     made = "class K {}|; K.setSlot(\"new\", function { call.args.size })|; "
     text = made + "K.new(1 / 0, x); function f { K.new(undefined) }|; f;"
     assert kernel.run_text(lobby, text) == "[00000000] 2\n[00000000] 1\n"
-    assert not STRICT_NAMES & kernel.host.world.lazy_names
+    assert not STRICT_NAMES & kernel.host.world.lazy_names.known_to(lobby)
 
 
 def test_a_strict_function_gets_values_although_its_name_is_lazy() -> None:
@@ -57,3 +57,48 @@ def test_calls_inside_calls_are_not_written_twice_at_each_level() -> None:
     for _ in range(12):
         text = f"o.add({text})"
     assert code_size(text, {"add"}) < 12 * code_size("o.add(o.add(1))", {"add"})
+
+
+def test_a_lazy_name_of_one_client_is_unknown_to_the_others_until_they_meet_the_function() -> None:
+    kernel = Kernel(SimClock())
+    first, second, third = (kernel.open_lobby() for _ in range(3))
+    names = kernel.host.world.lazy_names
+    library = names.shared
+    assert kernel.run_text(first, "function Global.add { call.args.size }|;") == ""
+    assert names.known_to(first) == library | {"add"}
+    assert names.known_to(second) == names.known_to(third) == names.shared == library
+    use = "function use(n) { var k = n; add(k += 1, undefined) + k }|; [use(1), use(5)]; add(undefined);"
+    assert kernel.run_text(second, use) == "[00000000] [3, 7]\n[00000000] 1\n"
+    assert names.known_to(second) == library | {"add"}
+    assert names.known_to(third) == names.shared == library
+
+
+def test_a_late_argument_is_compiled_once_and_again_after_what_it_depends_on_has_changed() -> None:
+    kernel = Kernel(SimClock())
+    lobby = kernel.open_lobby()
+    text = """
+        function use() { var found = []; for| (var i = 0; i < 3; i += 1) found << twice(i * 2); found }|;
+        function Global.twice { var a = call.evalArgAt(0) | call.evalArgAt(0) + a }|;
+        use;
+        """
+    assert kernel.run_text(lobby, text) == "[00000000] [0, 4, 8]\n"
+    assert kernel.run_text(lobby, "Float.'*' = function(x) { 7 }|; use;") == "[00000000] [14, 14, 14]\n"
+
+
+def test_a_logical_operator_redefined_by_one_client_counts_for_all() -> None:
+    kernel = Kernel(SimClock())
+    first, second, third = (kernel.open_lobby() for _ in range(3))
+    assert kernel.run_text(third, "function mine { 1 }|;") == ""
+    assert kernel.run_text(first, "class Global.Both { function '&&'(x) { \"both\" } }|;") == ""
+    for lobby in (second, third):
+        assert kernel.run_text(lobby, "Both.new && 1;") == "[00000000] \"both\"\n"
+
+
+def test_clients_with_and_without_a_lazy_name_share_no_template() -> None:
+    kernel = Kernel(SimClock())
+    first, second = kernel.open_lobby(), kernel.open_lobby()
+    assert kernel.run_text(first, "function lobby.add { call.args.size }|; function Global.sum(a, b) { a + b }|;") == ""
+    assert kernel.run_text(second, "function lobby.add(a, b) { a + b }|;") == ""
+    for number in range(1, 5):
+        assert kernel.run_text(first, f"add({number}, 1 / 0);") == "[00000000] 2\n"
+        assert kernel.run_text(second, f"add({number}, 1);") == f"[00000000] {number + 1}\n"

@@ -12,4 +12,4 @@ def test_a_localizer_does_not_make_indexing_lazy() -> None:
     lobby = kernel.open_lobby()
     text = "var l = Localizer.new(\"led\")|; l[left] = Object.new.addProto(Interface.Led)|; l[left].isA(Interface.Led);"
     assert kernel.run_text(lobby, text) == "[00000000] true\n"
-    assert not {"[]", "[]="} & kernel.host.world.lazy_names
+    assert not {"[]", "[]="} & kernel.host.world.lazy_names.known_to(lobby)

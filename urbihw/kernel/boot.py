@@ -53,8 +53,12 @@ def build(scheduler: Scheduler, process: HostProcess, libraries: Sequence[Librar
     """
     world = World(scheduler)
     def run_late(node: Any, this: Any, local: Any) -> Any:
-        unit = compile_node(node, world.lazy_names, late=local.names, generic=world.generic_floats)
-        place = local.place
+        place, state = local.place, (world.lazy_names.known(), world.generic_floats)
+        kept = place.late_units.get(node)
+        if kept is None or kept[0] != state:
+            unit = compile_node(node, state[0], late=local.names, generic=state[1])
+            kept = place.late_units[node] = (state, unit)
+        unit = kept[1]
         return unit.function(ops, place.base, place.system, late_locals=local)(this)
 
     ops = make_ops(world, run_late, declare)

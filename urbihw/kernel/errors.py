@@ -20,6 +20,8 @@ from typing import Any
 class ThrownError(Exception):
     """A value thrown by urbiscript code; ``value`` is the thrown value."""
 
+    __slots__ = ("value",)
+
     def __init__(self, value: Any) -> None:
         super().__init__()
         self.value = value
@@ -32,8 +34,11 @@ class Raised(ThrownError):
     The routine in the message is that of the urbiscript call which led here, unless ``routine`` is given.
     """
 
+    __slots__ = ("kind", "message", "routine", "slots")
+
     def __init__(self, kind: str, message: str, routine: str | None = "", **slots: Any) -> None:
-        super().__init__(None)
+        Exception.__init__(self)
+        self.value = None
         self.kind = kind
         self.message = message
         self.routine = routine
@@ -43,8 +48,10 @@ class Raised(ThrownError):
 class LookupFailed(Raised):
     """A slot was not found; ``target`` is the object of the lookup, None if it is unknown."""
 
+    __slots__ = ("target",)
+
     def __init__(self, name: str, target: Any) -> None:
-        super().__init__("Lookup", f"lookup failed: {name}", None, name=name)
+        Raised.__init__(self, "Lookup", "lookup failed: " + name, None, name=name)
         self.target = target
 
 

@@ -1,14 +1,14 @@
 """A cache of compiled statements by their text.
 
-A unit depends on which names belong to lazy functions and on whether arithmetic is generic; when either changes, the
-cache is emptied.
+A unit depends on which names are known to belong to lazy functions, which is not the same for all clients, and on
+whether arithmetic is generic.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Set
+from collections.abc import Callable
 
-from urbihw.kernel.compiler.unit import CompiledUnit
+from urbihw.kernel.compiler.unit import CompiledUnit, CompilerState
 
 
 class UnitCache:
@@ -17,22 +17,18 @@ class UnitCache:
     def __init__(self, size: int = 2048, longest: int = 1000) -> None:
         self.size = size
         self.longest = longest
-        self._units: dict[str, CompiledUnit] = {}
-        self._state: tuple[int, bool] = (0, False)
+        self._units: dict[tuple[str, CompilerState], CompiledUnit] = {}
 
-    def get(self, text: str, lazy_names: Set[str], generic: bool, make: Callable[[], CompiledUnit]) -> CompiledUnit:
+    def get(self, text: str, state: CompilerState, make: Callable[[], CompiledUnit]) -> CompiledUnit:
         """The unit of a statement; ``make`` compiles it if it is not in the cache.  ``text`` is the source without its
         position.
         """
-        state = (len(lazy_names), generic)
-        if state != self._state:
-            self._units.clear()
-            self._state = state
-        unit = self._units.get(text)
+        key = (text, state)
+        unit = self._units.get(key)
         if unit is None:
             unit = make()
-            if len(text) <= self.longest and self._state == state:
+            if len(text) <= self.longest:
                 if len(self._units) >= self.size:
                     del self._units[next(iter(self._units))]
-                self._units[text] = unit
+                self._units[key] = unit
         return unit

@@ -16,6 +16,7 @@ from urbihw.kernel.compiler.emit import (
     is_pure,
     list_,
     name,
+    position_of,
     set_,
     tuple_,
     walrus,
@@ -131,14 +132,16 @@ def make_application(node: ast.Call, w: Writer, function: py.expr, target: py.ex
     before, w.body.out = w.body.out, out
     found = name("_t", p)
     strict = attr(walrus("_t", function, p), "strict", p)
+    takes_text = attr(found, "takes_text", p)
     late = [found, target, w.this(node, p), const(node.name, p), const(w.late.add(node, w.pace), p)]
     if all(is_pure(statement) for statement in before):
         w.emit(*before)
-        now = call(walrus("_c", attr(found, verb, p), p), [target, *made], p)
+        now = call(walrus("_c", attr(found, verb, p), p), [target, *with_text(made, takes_text)], p)
         return choose(strict, now, call("lazy_site", late, p), p)
     kept, result = w.fresh("_t"), w.fresh()
     w.emit(set_(kept, function, p))
     late[0] = name(kept, p)
+    made = with_text(made, attr(name(kept, p), "takes_text", p))
     done = [*before, set_(result, call(attr(name(kept, p), verb, p), [target, *made], p), p)]
     w.emit(if_(attr(name(kept, p), "strict", p), done, [set_(result, call("lazy_site", late, p), p)], p))
     return name(result, p)
@@ -158,6 +161,14 @@ def make_arguments(node: ast.Call, w: Writer, p: Pos) -> list[py.expr]:
 
     made = make_list(w, node.args or (), make_argument, p)
     return made.elts if isinstance(made, py.List) else [py.Starred(made, LOAD, **p)]
+
+
+def with_text(made: list[py.expr], takes_text: py.expr) -> list[py.expr]:
+    """Arguments of a call; a literal at their begin is a Python str for a function that ``takes_text``."""
+    first = made[0] if made else None
+    if not isinstance(first, py.Call) or not isinstance(first.func, py.Name) or first.func.id != "new_string":
+        return made
+    return [choose(takes_text, first.args[0], first, position_of(first)), *made[1:]]
 
 
 def make_lazy_send(node: ast.Call, w: Writer, target: Maker) -> py.expr:
@@ -184,7 +195,8 @@ def make_guarded(node: ast.Call, w: Writer, function: py.expr, target: py.expr, 
     def write(strict: bool) -> None:
         if strict:
             verb = f"c{len(args)}" if len(args) <= 3 else "cn"
-            made = call(attr(name(kept, p), verb, p), [target, *make_arguments(node, w, p)], p)
+            values = with_text(make_arguments(node, w, p), attr(name(kept, p), "takes_text", p))
+            made = call(attr(name(kept, p), verb, p), [target, *values], p)
         else:
             sent = [name(kept, p), target, w.this(node, p), const(node.name, p)]
             made = call("lazy_call", [*sent, *make_thunks(w, args, p)], p)
@@ -194,8 +206,8 @@ def make_guarded(node: ast.Call, w: Writer, function: py.expr, target: py.expr, 
     if count_short(args) > MAX_REPEATED:
         write(strict=False)
     else:
-        values, functions = (w.block(partial(write, strict)) for strict in (True, False))
-        w.emit(if_(attr(name(kept, p), "strict", p), values, functions, p))
+        strictly, unevaluated = (w.block(partial(write, strict)) for strict in (True, False))
+        w.emit(if_(attr(name(kept, p), "strict", p), strictly, unevaluated, p))
     return name(result, p)
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from urbihw.kernel.compiler.linemap import MappedPlace
-from urbihw.kernel.compiler.unit import CompiledUnit, FunctionInfo, Syntax
+from urbihw.kernel.compiler.unit import CompiledUnit, CompilerState, FunctionInfo, Syntax
 from urbihw.kernel.syntax.cache_folder import read_cached, write_cached
 from urbihw.kernel.syntax.location import Position, Span
 
@@ -55,7 +55,7 @@ def key_of(text: str, lazy_names: Iterable[str]) -> str:
 class LibraryPart(NamedTuple):
     """One statement of a program on the disk: ``state`` is the compiler's state for it, in addition to the key."""
 
-    state: tuple[int, bool]
+    state: CompilerState
     packed: bytes
 
 
@@ -85,7 +85,7 @@ def load(key: str) -> list[Compiled] | None:
 
 def store(key: str, program: list[Compiled]) -> None:
     """Store a compiled program whose statements were compiled in the state of the key."""
-    store_parts(key, [LibraryPart((0, False), pack(part)) for part in program])
+    store_parts(key, [LibraryPart((frozenset(), False), pack(part)) for part in program])
 
 
 _Entries = list[tuple[tuple[int, ...], str | None, int]]

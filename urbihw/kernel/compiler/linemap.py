@@ -8,7 +8,7 @@ entry is negative for the arguments of a call that bounces to the lobby: it coun
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from urbihw.kernel.syntax.location import Location, Position, Span
 
@@ -29,9 +29,13 @@ class MappedCall(NamedTuple):
 
 
 class LineMap:
-    """The table of one unit, placed where the statement stood: ``base`` is the position of its first character."""
+    """The table of one unit, placed where the statement stood: ``base`` is the position of its first character.
 
-    __slots__ = ("_has_bounced", "base", "entries", "syntax", "system")
+    ``late_units`` has the code of arguments that turned out to be lazy, by their nodes, and the state of the compiler
+    for it.
+    """
+
+    __slots__ = ("_has_bounced", "base", "entries", "late_units", "syntax", "system")
 
     def __init__(self, entries: list[MappedPlace], base: Position, system: bool, syntax: object) -> None:
         self.entries = entries
@@ -39,6 +43,7 @@ class LineMap:
         self.system = system
         self.syntax = syntax
         self._has_bounced: bool | None = None
+        self.late_units: dict[Any, tuple[Any, Any]] = {}
 
     @property
     def has_bounced(self) -> bool:

@@ -15,6 +15,10 @@ from urbihw.kernel.compiler.pieces import Linker
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.location import Position
 
+CompilerState = tuple[frozenset[str], bool]
+"""What code depends on beside its text: the names known to belong to lazy functions, and whether arithmetic is sent as
+messages."""
+
 
 class Syntax:
     """The parts of a unit's source that are seldom needed: the syntax of its functions and lazy arguments, and the

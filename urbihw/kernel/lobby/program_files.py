@@ -38,7 +38,7 @@ def compiled_file(programs: Programs, text: str, file: str) -> Iterator[library.
 
     Raises Exception.Syntax before the first statement, as reading the text does.  Must be called in a job.
     """
-    key = library.key_of(f"{file}\n{text}", programs.world.lazy_names)
+    key = library.key_of(f"{file}\n{text}", programs.world.lazy_names.shared)
     known = library.load_parts(key)
     parts: list[library.LibraryPart] = []
     for part in known:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from urbihw.kernel import errors
 from urbihw.kernel.compiler import CompiledUnit, compile_node, library
 from urbihw.kernel.compiler.cache import UnitCache
+from urbihw.kernel.compiler.unit import CompilerState
 from urbihw.kernel.lobby.host_process import HostProcess
 from urbihw.kernel.lobby.long_work import MAX_SHORT_TEXT, LongWork, end_of_slice
 from urbihw.kernel.lobby.printing import show
@@ -83,7 +84,7 @@ class Programs:
             return partial(self._run_chain, node.pieces)
         if isinstance(node, TemplateUse):
             return node.template.unit(world, statement.text, node.values).function(self.ops, statement.base)
-        unit = self.units.get(statement.text, world.lazy_names, world.generic_floats, partial(self.unit, statement))
+        unit = self.units.get(statement.text, self.compiler_state, partial(self.unit, statement))
         return unit.function(self.ops, statement.base)
 
     def _run_chain(self, pieces: list[Statement], this: Any) -> Any:
@@ -106,14 +107,16 @@ class Programs:
         return self.compile_statement(statement)
 
     @property
-    def compiler_state(self) -> tuple[int, bool]:
-        """The state on which compiled code depends: the number of lazy names, and whether arithmetic is generic."""
-        return len(self.world.lazy_names), self.world.generic_floats
+    def compiler_state(self) -> CompilerState:
+        """The state on which the code of the running job's client depends: the names known to belong to lazy functions,
+        and whether arithmetic is generic.
+        """
+        return self.world.lazy_names.known(), self.world.generic_floats
 
     def compile_statement(self, statement: Statement) -> CompiledUnit:
         """Compile a statement without templates and caches.  A long one must be compiled in a job."""
-        world = self.world
-        make = partial(compile_node, statement.node, world.lazy_names, generic=world.generic_floats)
+        lazy_names, generic = self.compiler_state
+        make = partial(compile_node, statement.node, lazy_names, generic=generic)
         try:
             return make() if len(statement.text) <= MAX_SHORT_TEXT else self.long_work.run(lambda pace: make(pace=pace))
         except (errors.TooDeep, errors.StatementTooLong) as error:
@@ -138,7 +141,7 @@ class Programs:
 
         Its frames are not shown in call stacks.
         """
-        key = library.key_of(file + "\n" + text, self.world.lazy_names)
+        key = library.key_of(file + "\n" + text, self.world.lazy_names.shared)
         kept = library.load(key)
         if kept is not None:
             self._run(kept, self.world.global_, system=True)
@@ -157,7 +160,8 @@ class Programs:
         """Compile a statement of the library, without pauses, as there are no clients yet; its functions are not
         cut.
         """
-        return compile_node(statement.node, self.world.lazy_names, generic=self.world.generic_floats)
+        lazy_names, generic = self.compiler_state
+        return compile_node(statement.node, lazy_names, generic=generic)
 
     def compiled(
         self, items: list[Item], text: str, make: Callable[[Statement], CompiledUnit]

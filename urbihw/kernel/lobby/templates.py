@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, Final, overload
 
 from urbihw.kernel.compiler import CompiledUnit, compile_node
 from urbihw.kernel.compiler.linemap import MappedPlace
-from urbihw.kernel.compiler.unit import Syntax
+from urbihw.kernel.compiler.unit import CompilerState, Syntax
 from urbihw.kernel.syntax.ast import Node
 from urbihw.kernel.syntax.reader import Statement, StatementCache, parse_program
 
@@ -47,6 +47,7 @@ _LITERAL = re.compile(r'"[^"\\\n]*"|(?<![\w.])\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![
 _OTHER = re.compile(r"[{}\\\n\"'`]|//|/\*|\bBIN\b")
 """The parts of a text that exclude templates: functions, escapes, comments, and binary data, whose numbers say where
 the statement ends."""
+_WORD = re.compile(r"\w+")
 
 
 def skeleton(text: str) -> tuple[str, list[str]] | None:
@@ -76,7 +77,8 @@ class Template:
         self._bones, _, self._kinds = bones.partition("\1")
         self._known = known._replace(node=None)
         self._size = size
-        self._state: tuple[int, bool] | None = None
+        self._words = frozenset(_WORD.findall(self._bones))
+        self._state: CompilerState | None = None
         self._unit: CompiledUnit | None = None
         self._places: list[int] = []
         self._last: _Real | None = None
@@ -88,12 +90,14 @@ class Template:
 
     def unit(self, world: World, text: str, values: list[Literal]) -> CompiledUnit:
         """The compiled statement for these values; ``text`` is the statement as it was sent."""
-        state = (len(world.lazy_names), world.generic_floats)
+        names = world.lazy_names
+        lazy_names, generic = state = (names.shared, world.generic_floats)
+        own = names.known() - lazy_names
+        if own and own & self._words:  # code of this client only
+            return compile_node(_node(text), own | lazy_names, generic=generic)
         if state != self._state:
             self._state = state
-            self._compile: Compile = partial(
-                compile_node, lazy_names=frozenset(world.lazy_names), generic=world.generic_floats
-            )
+            self._compile: Compile = partial(compile_node, lazy_names=lazy_names, generic=generic)
             self._unit = self._template(text, values)
             self.usable = self._unit is not None
         return self._compile(_node(text)) if self._unit is None else self._made(self._unit, text, values)

@@ -7,6 +7,7 @@
 ``bool``                  anything, given as its truth
 ``list``                  a List, given as its Python list
 ``Value``, ``object``     anything, as it is
+``ValueOrText``           the same, but a literal is a Python str; for the first argument only
 a class of the runtime    an object of that class, as it is
 ========================  ==============================================================
 
@@ -22,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.values import FloatObject, List, String
-from urbihw.kernel.value import Value
+from urbihw.kernel.value import Value, ValueOrText
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
@@ -39,7 +40,7 @@ class ArgumentChecks:
         self._world = world
         self._known: dict[Any, Check | None] = {
             Any: None, object: None, float: self.to_float, int: self.to_int, str: self.to_str, bool: self.to_bool,
-            list: self.to_list,
+            list: self.to_list, ValueOrText: None,
         }  # fmt: skip
 
     def of(self, wanted: Any) -> Check | None:
@@ -77,10 +78,13 @@ class ArgumentChecks:
         return int(number)
 
     def to_str(self, value: Value, index: int | None) -> str:
-        """A String as a Python str."""
-        if not isinstance(value, String):
-            raise self._world.type_error(index, value, "String")
-        return value.s
+        """A String as a Python str; a literal may be one already (``Executable.takes_text``)."""
+        if isinstance(value, String):
+            return value.s
+        if value.__class__ is str:
+            literal: str = value
+            return literal
+        raise self._world.type_error(index, value, "String")
 
     def to_list(self, value: Value, index: int | None) -> list[Any]:
         """The Python list of a List."""

@@ -115,10 +115,16 @@ def note_stack(error: BaseException, hide_system: bool = True) -> Callable[[], S
     tb: TracebackType | None = error.__traceback__
     outer = None if tb is None else tb.tb_frame.f_back
     while tb is not None:
-        _note(tb.tb_frame, tb.tb_lasti, places)
+        frame = tb.tb_frame
+        names = frame.f_globals
+        if LINE_MAP in names:
+            places.append(_place(names[LINE_MAP], frame, tb.tb_lasti))
+        elif CALLS in names or IMPLIED_CALLS in names:
+            _note_built_in(frame, places)
         tb = tb.tb_next
     places.reverse()
-    return partial(_stack, places + _callers(outer), hide_system)
+    _note_callers(outer, places)
+    return partial(_stack, places, hide_system)
 
 
 def failed_in_program(error: BaseException) -> bool:
@@ -142,12 +148,16 @@ def _line_maps(error: BaseException) -> Iterator[LineLookup]:
 
 def current_stack(hide_system: bool = True) -> Stack:
     """The call stack of the running job, innermost first."""
-    return _stack(_callers(sys._getframe(1)), hide_system)
+    places: list[NotedCall] = []
+    _note_callers(sys._getframe(1), places)
+    return _stack(places, hide_system)
 
 
 def later_stack() -> Callable[[], Stack]:
     """The call stack of the running job as ``current_stack`` tells it, found when it is asked for."""
-    return partial(_stack, _callers(sys._getframe(1)), True)
+    places: list[NotedCall] = []
+    _note_callers(sys._getframe(1), places)
+    return partial(_stack, places, True)
 
 
 def calling_frame() -> FrameType | None:
@@ -182,25 +192,26 @@ def running_call() -> str | None:
     return steps[0].name if steps else None
 
 
-def _callers(frame: FrameType | None) -> list[NotedCall]:
-    places: list[NotedCall] = []
+def _note_callers(frame: FrameType | None, places: list[NotedCall]) -> None:
+    """Add a running frame and those that called it to a call stack."""
     while frame is not None:
         names = frame.f_globals
-        if LINE_MAP in names or CALLS in names or IMPLIED_CALLS in names:  # few Python frames are any of them
-            _note(frame, frame.f_lasti, places)
+        if LINE_MAP in names:
+            places.append(_place(names[LINE_MAP], frame, frame.f_lasti))
+        elif CALLS in names or IMPLIED_CALLS in names:  # few Python frames are any of them
+            _note_built_in(frame, places)
         frame = frame.f_back
-    return places
 
 
-def _note(frame: FrameType, at: int, places: list[NotedCall]) -> None:
-    """Add the place of a Python frame, at an offset in its code, to a call stack, if it has one."""
-    names = frame.f_globals
-    line_map = names.get(LINE_MAP)
-    if line_map is not None:
-        bounces = line_map.has_bounced and not _is_of_lobby(frame)
-        places.append(_new(NotedCall, (line_map, frame.f_code, at, bounces)))
-        return
-    routine = frame.f_code.co_name
+def _place(line_map: LineLookup, frame: FrameType, at: int) -> NotedCall:
+    """The place of compiled code, at an offset in it."""
+    bounces = line_map.has_bounced and not _is_of_lobby(frame)
+    return _new(NotedCall, (line_map, frame.f_code, at, bounces))
+
+
+def _note_built_in(frame: FrameType, places: list[NotedCall]) -> None:
+    """Add the frame of a built-in to a call stack, if it stands for calls."""
+    names, routine = frame.f_globals, frame.f_code.co_name
     if CALLS in names and routine in names[CALLS]:
         places.append(NotedCall(BuiltInCalls(names[CALLS][routine], system=True), None, 0))
     elif IMPLIED_CALLS in names and routine in names[IMPLIED_CALLS]:

@@ -30,19 +30,23 @@ Direct = tuple[Callable[..., Any] | None, Callable[..., Any] | None, Callable[..
 
 
 class Executable(Obj):
-    """An object that runs when called; ``strict``: it takes values and not a call message.
+    """An object that runs when called.
+
+    ``strict``: it takes values and not a call message.  ``takes_text``: its first argument may be a Python str instead
+    of a String, so that a literal such as the key in ``d["key"]`` need not become an object first.
 
     ``strict`` is an instance attribute although it is the same for all objects of a class: generated code reads it at
     each call, and CPython reads instance attributes faster.
     """
 
-    __slots__ = ("strict",)
+    __slots__ = ("strict", "takes_text")
     runs = True
     takes_values = True
 
     def __init__(self, world: World, protos: list[Obj]) -> None:
         super().__init__(world, protos)
         self.strict = self.takes_values
+        self.takes_text = False
 
     def peek(self) -> Value:
         """The value that a read of the slot gives, if this is a variable; None for a function, which would run."""

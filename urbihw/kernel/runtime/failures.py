@@ -62,7 +62,7 @@ class Failures:
         if isinstance(error, errors.ThrownError):
             return error
         if isinstance(error, ZeroDivisionError):
-            raised: errors.ThrownError = errors.primitive("division by 0", "/")
+            raised: errors.ThrownError = errors.Raised("Primitive", "division by 0", "/")
         elif isinstance(error, RecursionError):
             raised = errors.Raised("Scheduling", "stack exhausted", None)
         elif isinstance(error, TooManyJobs | HeldTooLong):
@@ -79,21 +79,17 @@ class Failures:
 
     def caught(self, error: BaseException) -> Any:
         """The urbiscript value of a caught error; Exceptions get their location and backtrace, when they are read."""
-        urbi = self.normalized(error)
-        return self._caught(urbi, None)
+        return self._caught(error if isinstance(error, errors.ThrownError) else self.normalized(error), note_stack)
 
-    def _caught(self, urbi: errors.ThrownError, stack: Stack | None) -> Any:
-        """The value of an error; ``stack`` is its call stack, None if that is not known yet."""
+    def _caught(self, urbi: errors.ThrownError, note: Callable[[BaseException, bool], Callable[[], Stack]]) -> Any:
+        """The value of an error; ``note`` finds its call stack, if it is needed."""
         value, world = urbi.value, self._world
         if isinstance(urbi, errors.Raised):
             if value is None:
-                value = urbi.value = make_unread(world, urbi, self._note(urbi, stack))
+                value = urbi.value = make_unread(world, urbi, note(urbi, world.hide_system))
         elif isinstance(value, Obj) and world.is_a(value, world.exception_proto) and "backtrace" not in value.slots:
-            locate_later(value, self._note(urbi, stack))
+            locate_later(value, note(urbi, world.hide_system))
         return value
-
-    def _note(self, urbi: errors.ThrownError, stack: Stack | None) -> Callable[[], Stack]:
-        return note_stack(urbi, self._world.hide_system) if stack is None else lambda: stack
 
     def describe(self, error: BaseException) -> list[str]:
         """The lines that report an uncaught error to a user, without the leading ``!!!``.
@@ -113,7 +109,7 @@ class Failures:
     def _described(self, error: BaseException) -> list[str]:
         urbi = self.normalized(error)
         stack = stack_of(urbi, self._world.hide_system)
-        value = self._caught(urbi, stack)
+        value = self._caught(urbi, lambda urbi, hide_system: lambda: stack)
         if isinstance(value, Obj) and self._world.is_a(value, self._world.exception_proto):
             lines = [self.located_exception_text(value)]
             if stack.routine and self._slot_text(value, "loc"):  # a syntax error in a text that was being evaluated

@@ -36,6 +36,7 @@ class Nowhere:
     """The answer for a slot that no ancestor has.  It has no slots, so that reading from it fails."""
 
     slots: ClassVar[dict[str, Any]] = {}
+    meta: ClassVar[None] = None
 
 
 NOWHERE: Final[Any] = Nowhere()
@@ -76,6 +77,8 @@ class Lookups:
         """The objects that have a cache."""
         self._named: dict[str, Bag] = {}
         """The objects whose caches have an answer, by name."""
+        self.library: dict[Obj, list[dict[str, Any]]] = {}
+        """The slots of an object of the library and of its ancestors, all of them of the library, once asked for."""
 
     def search(self, start: Obj, name: str) -> Obj:
         """The first holder of a slot among ``start`` and its ancestors, or ``NOWHERE``.  The answer is stored in the
@@ -161,3 +164,4 @@ class Lookups:
             obj.cache = None
         self._seen = Bag()
         self._named.clear()
+        self.library.clear()

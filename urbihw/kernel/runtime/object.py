@@ -101,7 +101,13 @@ class Obj:
 
     def clone(self) -> Obj:
         """A new object whose only prototype is this one; a value class copies its value."""
-        return Plain(self.world, [self])
+        made = object.__new__(Plain)  # a call of the class would go through C and back, see ``values``
+        made.world = self.world
+        made.protos = [self]
+        made.slots = {}
+        made.cache = made.meta = None
+        made.number = 0
+        return made
 
     # ---------------------------------------------------------------- Python's operators
 

@@ -21,7 +21,7 @@ from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.ops_assert import assertion_verbs
 from urbihw.kernel.runtime.ops_jobs import tag_verbs, time_verbs
 from urbihw.kernel.runtime.ops_slots import slot_verbs, update_verbs
-from urbihw.kernel.runtime.slots import LOGICAL, STRICT_NAMES
+from urbihw.kernel.runtime.slots import LOGICAL
 from urbihw.kernel.runtime.values import Dictionary, Lazy
 from urbihw.kernel.runtime.verbs import call_unevaluated, locals_of
 from urbihw.kernel.runtime.watch import Box, mark_straight
@@ -176,7 +176,7 @@ def _calls(world: World, run_late: RunLate, declare_external: DeclareExternal) -
         place = frame.f_globals[LINE_MAP]
         sites = place.syntax.late
         thunks = sites.thunks(site, frame, place, sender, run_late)
-        if name not in LOGICAL | STRICT_NAMES:
+        if name not in LOGICAL:
             world.lazy_names.add(name)
         return call_unevaluated(world, value, target, sender, name, lazies(thunks, sites.arguments(site)))
 

@@ -24,9 +24,10 @@ from itertools import count
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from urbihw.kernel.runtime.arguments import Check, annotated_type
-from urbihw.kernel.runtime.code import DirectPrimitive, Executable, LazyPrimitive, Primitive, make_primitive
-from urbihw.kernel.runtime.slots import LOGICAL, STRICT_NAMES
-from urbihw.kernel.value import Value
+from urbihw.kernel.runtime.code import DirectPrimitive, LazyPrimitive, Primitive, make_primitive
+from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.runtime.slots import LOGICAL
+from urbihw.kernel.value import Value, ValueOrText
 
 if TYPE_CHECKING:
     from urbihw.kernel.runtime.world import World
@@ -43,6 +44,8 @@ class Forms(NamedTuple):
     none: Function | None = None
     one: Function | None = None
     two: Function | None = None
+    takes_text: bool = False
+    """Whether the first argument may be a Python str, see ``Executable``."""
 
 
 class PrimitiveRow(NamedTuple):
@@ -100,7 +103,7 @@ class Table:
         for row in self.rows:
             for name in row.names:
                 proto.slots[name] = build(world, name, row)
-                if row.kind == "lazy" and name not in LOGICAL | STRICT_NAMES:
+                if row.kind == "lazy" and name not in LOGICAL:
                     world.lazy_names.add(name)
         world.flush()
 
@@ -116,7 +119,9 @@ def _build(world: World, name: str, row: PrimitiveRow) -> Primitive:
     if row.kind == "raw":
         made = row.function(world)
         if isinstance(made, Forms):
-            return make_primitive(world, name, made.run, row.least, row.most, made[1:])
+            primitive = make_primitive(world, name, made.run, row.least, row.most, made[1:4])
+            primitive.takes_text = made.takes_text
+            return primitive
         return make_primitive(world, name, made, row.least, row.most)
     if row.kind == "lazy":
         function = row.function
@@ -159,7 +164,8 @@ class CheckedPrimitive(DirectPrimitive):
     __slots__ = ()
 
     def __init__(self, world: World, name: str, function: Function) -> None:
-        Executable.__init__(self, world, [world.primitive_proto])
+        Obj.__init__(self, world, [world.primitive_proto])
+        self.strict = True
         self.name = name
         self.source = function
         self.least, self.most = arity_of(function)
@@ -168,7 +174,7 @@ class CheckedPrimitive(DirectPrimitive):
         """Called for a Python slot that is not set yet."""
         if slot not in _MADE_WHEN_CALLED:
             raise AttributeError(f"{type(self).__name__!r} has no {slot!r}")
-        run, *forms = _checked(self.world, self.source)
+        run, *forms, self.takes_text = _checked(self.world, self.source)
         least, most = self.least, self.most
         # The form for any number of arguments is slower and uses more C stack, which each sleeping job keeps.
         none, one, two = (
@@ -178,14 +184,15 @@ class CheckedPrimitive(DirectPrimitive):
         return getattr(self, slot)
 
 
-_MADE_WHEN_CALLED = frozenset({"fn", "c0", "c1", "c2"})
+_MADE_WHEN_CALLED = frozenset({"fn", "c0", "c1", "c2", "takes_text"})
 
 
 def _checked(world: World, function: Function) -> Forms:
     """The forms of a checked built-in."""
     code = function.__code__
     names = code.co_varnames[1 : code.co_argcount]
-    check_this, *check_args = [world.checks.of(annotated_type(function, name)) for name in names]
+    types = [annotated_type(function, name) for name in names]
+    check_this, *check_args = map(world.checks.of, types)
     check_rest: Check | None = None
     if code.co_flags & inspect.CO_VARARGS:
         check_rest = world.checks.of(annotated_type(function, code.co_varnames[code.co_argcount]))
@@ -230,4 +237,4 @@ def _checked(world: World, function: Function) -> Forms:
         result = function(world, this, first, second)
         return result if returns_value or result.__class__ is float else world.from_python(result)
 
-    return Forms(run, run0, run1, run2)
+    return Forms(run, run0, run1, run2, takes_text=types[1:2] in ([str], [ValueOrText]))

@@ -44,8 +44,10 @@ Find = Callable[[Any, str], Any]
 """Takes a target and a name, and returns the value that the name means for the target."""
 
 
-def make_finders(world: World, ops: SlotOps) -> tuple[Find, Find]:
-    """``get_slot``, and ``found``, which uses the ``fallback`` where there is no slot."""
+def make_finders(world: World, ops: SlotOps) -> tuple[Find, Find, Find]:
+    """``get_slot``; ``found``, which uses the ``fallback`` where there is no slot; and ``missed``, which does the same
+    where the cache is known to have no answer.
+    """
     recorder = world.recorder
     float_proto = world.float_proto
 
@@ -69,26 +71,27 @@ def make_finders(world: World, ops: SlotOps) -> tuple[Find, Find]:
 
     def found(target: Value, name: str) -> Value:
         """The value that a message finds: a slot of the target, an inherited slot, or the ``fallback``."""
-        if recorder.active is not None:
-            return slow(target, name)
-        if target.__class__ is float:
-            slots = float_proto.slots
-            return slots[name] if name in slots and not world.float_slots else slow(target, name)
-        try:
-            return target.slots[name] if name in target.slots else target.protos[0].cache[name].slots[name]
-        except CACHE_MISS:
-            return slow(target, name)
+        if recorder.active is None and target.__class__ is not float:
+            try:
+                return target.slots[name] if name in target.slots else target.protos[0].cache[name].slots[name]
+            except CACHE_MISS:
+                pass
+        return missed(target, name)
 
-    def slow(target: Value, name: str) -> Value:
+    def missed(target: Value, name: str) -> Value:
+        if target.__class__ is float and recorder.active is None and not world.float_slots:
+            slots = float_proto.slots
+            if name in slots:
+                return slots[name]
         try:
             return get_slot(target, name)
         except errors.Raised:
             return ops.fallback(target, name)
 
-    return get_slot, found
+    return get_slot, found, missed
 
 
-def make_messages(world: World, found: Find) -> tuple[Find, Find]:
+def make_messages(world: World, missed: Find) -> tuple[Find, Find]:
     """``method`` and ``send0``, the verbs of generated code; the usual cases need no further Python call."""
     recorder = world.recorder
 
@@ -99,9 +102,9 @@ def make_messages(world: World, found: Find) -> tuple[Find, Find]:
                 slots = target.slots
                 value = slots[name] if name in slots else target.protos[0].cache[name].slots[name]
             except CACHE_MISS:
-                value = found(target, name)
+                value = missed(target, name)
         else:
-            value = found(target, name)
+            value = missed(target, name)
         kind = value.__class__
         if kind is Code1 or kind is Code2 or kind is not float and value.runs:
             return value
@@ -114,9 +117,9 @@ def make_messages(world: World, found: Find) -> tuple[Find, Find]:
                 slots = target.slots
                 value = slots[name] if name in slots else target.protos[0].cache[name].slots[name]
             except CACHE_MISS:
-                value = found(target, name)
+                value = missed(target, name)
         else:
-            value = found(target, name)
+            value = missed(target, name)
         kind = value.__class__
         if kind is Code0:
             fn = value.fn
@@ -201,15 +204,26 @@ def make_operators(
 
 def make_update(world: World, ops: SlotOps) -> Callable[[Any, str, Any], Any]:
     """``update_slot``, the verb of ``target.name = value``."""
-    void = world.void
+    void, protected = world.void, world.record.protected
 
     def update_slot(target: Value, name: str, value: Value) -> Value:
-        """``target.name = value``; a local slot that is only a value is written at once."""
+        """``target.name = value``; a local slot that is only a value is written at once, and the first write to a plain
+        object copies the inherited slot.
+        """
         if value is not void and target.__class__ is not float and target.meta is None:
             slots = target.slots
             if name in slots:
                 slots[name] = value
                 return value
+            if target.__class__ is Plain and target.cache is None and (value.__class__ is float or not value.runs):
+                try:
+                    holder = target.protos[0].cache[name]
+                except CACHE_MISS:
+                    pass
+                else:
+                    if holder.meta is None and name in holder.slots and name not in protected and name != "asBool":
+                        slots[name] = value
+                        return value
         return ops.update_other(target, name, value)
 
     return update_slot
@@ -221,8 +235,8 @@ class SlotOps:
     def __init__(self, world: World) -> None:
         self.world = world
         self._protected = world.record.protected
-        self.get_slot, found = make_finders(world, self)
-        self.method, self.send0 = make_messages(world, found)
+        self.get_slot, found, missed = make_finders(world, self)
+        self.method, self.send0 = make_messages(world, missed)
         self.own_method, self.own_send0 = with_own_code(self.method), with_own_code(self.send0)
         self.send, self.send1 = make_senders(world, found)
         self.equal, self.unequal, self.push, self.remainder = make_operators(world, self.send1)
@@ -312,7 +326,7 @@ class SlotOps:
         if name == "asBool":
             self.world.truth_redefined = True
         if isinstance(value, Executable):
-            if name in LOGICAL or (not value.strict and name not in STRICT_NAMES):
+            if name in LOGICAL or not value.strict:
                 self.world.lazy_names.add(name)
             if name in OPERATORS:
                 self.world.operator_redefined(obj)

@@ -43,10 +43,9 @@ class UnreadError(Plain):
 def make_unread(world: World, raised: errors.Raised, find_stack: Callable[[], Stack]) -> Obj:
     """The object of an error of native code."""
     base = world.exception_proto
-    kind = base if raised.kind == "Exception" else world.classes.get(f"Exception.{raised.kind}", base)
-    made = Plain(world, [kind])
+    made = Plain(world, [world.classes.get(f"Exception.{raised.kind}", base)])
     message, routine, more = raised.message, raised.routine, raised.slots
-    spelling = _note_spelling(world, raised)
+    spelling = _note_spelling(world, raised) if isinstance(raised, errors.LookupFailed) else None
 
     def fill(slots: dict[str, Any]) -> None:
         stack = find_stack()
@@ -81,20 +80,34 @@ def locate(world: World, slots: dict[str, Any], stack: Stack) -> None:
     slots["backtrace"] = make_frames(world, stack)
 
 
-def _note_spelling(world: World, raised: errors.Raised) -> Callable[[], str] | None:
+def _note_spelling(world: World, raised: errors.LookupFailed) -> Callable[[], str] | None:
     """What is added to the message of a failed look-up, found when it is asked for; None for nothing."""
-    if not isinstance(raised, errors.LookupFailed) or raised.target is None:
+    if raised.target is None:
         return None
     kind = world.classes.get("Exception.Lookup")
     if kind is None or not kind.slots.get("fixSpelling"):
         return None
     name: str = raised.slots["name"]
     own: list[str] = []
-    library: list[tuple[dict[str, Any], int]] = []
-    for each in lineage(world, raised.target)[:MAX_ANCESTORS]:
-        slots = world.peek_obj(each).slots if each.__class__ is float else each.slots
-        if world.record.is_shared(each):
-            library.append((slots, len(slots)))  # what is added later stands behind these
+    ancestor, lines, is_shared = world.peek_obj(raised.target), world.lookups.library, world.record.is_shared
+    for _ in range(MAX_ANCESTORS):
+        protos = ancestor.protos
+        if ancestor in lines or len(protos) != 1:
+            break
+        own += ancestor.slots  # the object itself is not kept: it may be large
+        ancestor = protos[0] if protos[0].__class__ is not float else world.peek_obj(protos[0])
+    library = lines.get(ancestor)
+    if library is None:
+        line = [world.peek_obj(each) for each in lineage(world, ancestor)[:MAX_ANCESTORS]]
+        library = [each.slots for each in line if is_shared(each)]
+        if len(library) == len(line):
+            lines[ancestor] = library
         else:
-            own += slots  # the object itself is not kept: it may be large
-    return lambda: suggestion(name, {*own, *(slot for slots, count in library for slot in islice(slots, count))})
+            own += [name for each in line if not is_shared(each) for name in each.slots]
+    counts = list(map(len, library))  # what is added later stands behind these
+
+    def found() -> str:
+        known = (slot for slots, count in zip(library, counts, strict=True) for slot in islice(slots, count))
+        return suggestion(name, {*own, *known})
+
+    return found

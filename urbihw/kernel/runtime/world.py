@@ -18,6 +18,7 @@ from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.failures import Failures
 from urbihw.kernel.runtime.holdings import Holdings
 from urbihw.kernel.runtime.identifiers import Identifiers
+from urbihw.kernel.runtime.lazy_names import LazyNames
 from urbihw.kernel.runtime.lookup import Lookups
 from urbihw.kernel.runtime.notifier import Notifier
 from urbihw.kernel.runtime.object import Nil, Obj, Plain, Truth, Void
@@ -27,7 +28,18 @@ from urbihw.kernel.runtime.redefinition import RedefinitionMode
 from urbihw.kernel.runtime.remains import LARGE, Remains
 from urbihw.kernel.runtime.slots import SlotOps
 from urbihw.kernel.runtime.tagscope import RootTag, TagObject
-from urbihw.kernel.runtime.values import CallMessage, Dictionary, FloatObject, Lazy, List, String, Tuple
+from urbihw.kernel.runtime.values import (
+    CallMessage,
+    Dictionary,
+    FloatObject,
+    Lazy,
+    List,
+    String,
+    TextList,
+    Tuple,
+    list_maker,
+    string_maker,
+)
 from urbihw.kernel.runtime.watch import Recorder
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.scheduler import Scheduler
@@ -57,7 +69,7 @@ class World:
         self.period = 0.02
         self.tag_count = 0
         self.float_slots: dict[int, tuple[float, Obj]] = {}
-        self.lazy_names: set[str] = set()
+        self.lazy_names = LazyNames(scheduler)
         self.classes: dict[str, Any] = {}
         """The built-in prototypes by name (``A.B`` for a slot of another one), where no program can change them."""
         self.generic_floats = False
@@ -87,7 +99,9 @@ class World:
         self.list_proto = List(self, [self.object], [])
         self.string_protos: list[Any] = [self.string_proto]
         self.list_protos: list[Any] = [self.list_proto]
+        self.string = string_maker(self, self.string_protos)
         self.quick_strings: list[Any] | None = self.string_protos
+        self._new_list = list_maker(self, self.list_protos)
         self.quick_lists: list[Any] | None = self.list_protos
         self.tuple_proto = Tuple(self, [self.object], [])
         self.dictionary_proto = Dictionary(self, [self.object], {})
@@ -149,15 +163,19 @@ class World:
         """A bare object with these prototypes (Object if none)."""
         return Plain(self, list(protos) or [self.object])
 
-    def string(self, s: str) -> String:
-        """A String; characters beyond latin-1 become their UTF-8 bytes."""
-        return String(self, self.string_protos, s)
-
     def new_list(self, values: list[Value]) -> List:
         """A List that owns ``values``."""
-        made = List(self, self.list_protos, values)
+        made = self._new_list(values)
         if len(values) >= LARGE:
             self.remains.follow(made)
+        return made
+
+    def new_texts(self, texts: list[str]) -> List:
+        """A List of Strings that are parts of one String, and made when they are read; owns ``texts``."""
+        if len(texts) >= LARGE:
+            return self.new_list([*map(self.string, texts)])
+        made = self._new_list(texts)
+        made.__class__ = TextList
         return made
 
     def new_tuple(self, values: Iterable[Value]) -> Tuple:

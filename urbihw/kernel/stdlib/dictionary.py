@@ -10,8 +10,8 @@ from typing import Any
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.object import Plain
 from urbihw.kernel.runtime.plain import escaped
-from urbihw.kernel.runtime.primitive import Table
-from urbihw.kernel.runtime.values import Dictionary, List, String
+from urbihw.kernel.runtime.primitive import Forms, Table
+from urbihw.kernel.runtime.values import Dictionary, List
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.members import equal, same_members
 from urbihw.kernel.stdlib.slices import NestedWalk, in_slices, sort_in_slices
@@ -39,16 +39,14 @@ def _dict(world: World, value: Value) -> dict[str, Any]:
 
 
 def _key(world: World, value: Value) -> str:
-    if not isinstance(value, String):
-        raise world.type_error(1, value, "String")
-    return value.s
+    return world.checks.to_str(value, 1)
 
 
 def missing(world: World, key: Value) -> errors.ThrownError:
     """The error ``missing key: K``, an object with the slot ``key``."""
     error = Plain(world, [world.classes["Dictionary.KeyError"]])
-    error.slots["key"] = key
-    error.slots["message"] = world.string(f"missing key: {world.text(key)}")
+    error.slots["key"] = world.from_python(key)
+    error.slots["message"] = world.string(f"missing key: {_key(world, key)}")
     return errors.ThrownError(error)
 
 
@@ -71,12 +69,12 @@ def get(world: World) -> Any:
     """The value of a key.  Raises Dictionary.KeyError if there is none."""
 
     def run(this: Value, key: Value) -> Value:
-        value = _dict(world, this).get(_key(world, key))
+        value = _dict(world, this).get(key if key.__class__ is str else _key(world, key))
         if value is None:
             raise missing(world, key)
         return value
 
-    return run
+    return Forms(run, one=run, takes_text=True)
 
 
 @TABLE.primitive("getWithDefault")
@@ -90,15 +88,13 @@ def set_item(world: World) -> Any:
     """Map a key to a value; returns the value."""
 
     def run(this: Value, key: Value, value: Value) -> Value:
-        if this.__class__ is not Dictionary or key.__class__ is not String:
-            _dict(world, this)  # raises the type error
-            _key(world, key)
-        this.d[key.s] = value
+        content = this.d if this.__class__ is Dictionary else _dict(world, this)
+        content[key if key.__class__ is str else _key(world, key)] = value
         if this.meta is not None:
             this.touch()
         return value
 
-    return run
+    return Forms(run, two=run, takes_text=True)
 
 
 @TABLE.primitive("set")

@@ -9,9 +9,10 @@ from __future__ import annotations
 from typing import Any
 
 from urbihw.kernel import errors
-from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.primitive import CheckedPrimitive, Table
 from urbihw.kernel.runtime.values import MAX_LIST_LENGTH, List, String, too_long
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.stdlib import string
 from urbihw.kernel.stdlib.channel import deprecated
 from urbihw.kernel.stdlib.members import (
     Less,
@@ -36,7 +37,7 @@ from urbihw.kernel.stdlib.slices import (
     in_slices,
     sort_in_slices,
 )
-from urbihw.kernel.value import Value
+from urbihw.kernel.value import Value, ValueOrText
 
 __breakable__ = True
 __calls__ = dict.fromkeys(("eachi", "map_", "filter_", "all_", "any_", "foldl", "zip_"), ("f", "each|"))
@@ -91,9 +92,16 @@ def keys(world: World, this: list[Value]) -> Value:
 
 
 @TABLE.primitive("join")
-def join(world: World, this: List, sep: Value = None, prefix: str = "", suffix: str = "") -> Value:
+def join(world: World, this: List, sep: ValueOrText | None = None, prefix: str = "", suffix: str = "") -> Value:
     """Join the members' ``asString`` with a separator between them, a prefix before and a suffix after."""
-    return world.send(sep or world.string(""), "join", this, world.string(prefix), world.string(suffix))
+    between: Any = sep or ""
+    is_text = between.__class__ is str
+    found = world.ops.method(world.string_proto if is_text else between, "join")
+    if found.__class__ is CheckedPrimitive and found.source is string.join and (is_text or isinstance(between, String)):
+        return world.string(string.joined(world, between if is_text else between.s, this, prefix, suffix))
+    if is_text:
+        between = world.string(between)
+    return world.invoke(found, between, (this, world.string(prefix), world.string(suffix)), "join")
 
 
 # ---------------------------------------------------------------- asking

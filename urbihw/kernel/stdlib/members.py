@@ -12,7 +12,7 @@ from typing import Any
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.code import Executable
-from urbihw.kernel.runtime.values import List, String
+from urbihw.kernel.runtime.values import List, String, TextList, texts_in
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.group import Group
 from urbihw.kernel.stdlib.slices import NestedWalk, in_slices
@@ -160,8 +160,17 @@ def members_of(world: World, value: Value) -> Iterable[Any]:
     return world.iterate(value)
 
 
+def texts_of(world: World, value: Value) -> list[str]:
+    """The ``asString`` of the members of an argument."""
+    if value.__class__ is TextList and world.recorder.active is None and "each" not in value.slots:
+        return texts_in(value)
+    return [world.text(member) for member in in_slices(world, [*members_of(world, value)])]
+
+
 def strings_of(world: World, value: Value, index: int) -> list[str]:
-    """The strings of an argument that is a String or a List of Strings."""
+    """The strings of an argument that is a String (or a literal text) or a List of Strings."""
+    if value.__class__ is str:
+        return [value]
     if isinstance(value, String):
         return [value.s]
     if not isinstance(value, List):

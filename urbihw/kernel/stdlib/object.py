@@ -42,7 +42,7 @@ def new(world: World) -> Any:
     def made_of(this: Value) -> Any:
         found: Any = method(this, "clone")
         if found.__class__ is CheckedPrimitive and found.source is clone:
-            return clone(world, this)
+            return this.clone() if this.__class__ is not float else clone(world, this)
         return invoke(found, this, (), "clone")
 
     def run(this: Value, *args: Value) -> Value:

@@ -14,12 +14,12 @@ from urbihw.kernel import errors
 from urbihw.kernel.runtime.plain import escaped
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.spelling import slips
-from urbihw.kernel.runtime.values import MAX_LIST_LENGTH, MAX_STRING_LENGTH, String, too_long
+from urbihw.kernel.runtime.values import MAX_LIST_LENGTH, MAX_STRING_LENGTH, String, TextList, too_long
 from urbihw.kernel.runtime.world import World
-from urbihw.kernel.stdlib.members import count, members_of, repetitions, strings_of
+from urbihw.kernel.stdlib.members import count, members_of, repetitions, strings_of, texts_of
 from urbihw.kernel.stdlib.searching import found_separators, replaced
 from urbihw.kernel.stdlib.slices import TEXT_SLICE_LENGTH, give_way, in_slices, text_slices
-from urbihw.kernel.value import Value
+from urbihw.kernel.value import Value, ValueOrText
 
 __breakable__ = True
 
@@ -147,7 +147,7 @@ def size(world: World) -> Any:
 
 @TABLE.primitive("split")
 def split(
-    world: World, this: str, sep: Value = None, lim: float = -1.0, keep_sep: bool = False,
+    world: World, this: str, sep: ValueOrText | None = None, lim: float = -1.0, keep_sep: bool = False,
     keep_empty: bool | None = None,
 ) -> Value:
     """Split the string at separators (a String, or a List of Strings; white space by default).  ``lim`` is the maximum
@@ -162,7 +162,8 @@ def split(
             raise too_long("members", MAX_LIST_LENGTH)
         return world.new_list([world.string(character) for character in in_slices(world, this)])
     if len(separators) == 1 and lim < 0 and not keep_sep and len(this) <= TEXT_SLICE_LENGTH:
-        return world.new_list([world.string(part) for part in this.split(separators[0]) if part or keep_empty])
+        parts = this.split(separators[0])
+        return world.new_texts(parts if keep_empty else [part for part in parts if part])
     found = found_separators(world, this, separators) if separators and not 0 <= lim < 1 else iter(())
     return world.new_list(_parts(world, this, found, lim, keep_sep, keep_empty))
 
@@ -191,8 +192,16 @@ def _parts(
 @TABLE.primitive("join")
 def join(world: World, this: str, members: Value, prefix: str = "", suffix: str = "") -> str:
     """Join the members' ``asString`` with this string between them, a prefix before and a suffix after."""
-    texts = [world.text(member) for member in in_slices(world, [*members_of(world, members)])]
-    if sum(map(len, texts)) + len(this) * len(texts) > MAX_STRING_LENGTH:
+    return joined(world, this, members, prefix, suffix)
+
+
+def joined(world: World, this: str, members: Value, prefix: str, suffix: str) -> str:
+    """The text of ``join``."""
+    texts = texts_of(world, members)
+    length = len(this) * len(texts)
+    if members.__class__ is not TextList:  # which has the parts of one String
+        length += sum(map(len, texts))
+    if length > MAX_STRING_LENGTH:
         raise too_long("characters", MAX_STRING_LENGTH)
     return prefix + this.join(texts) + suffix
 
