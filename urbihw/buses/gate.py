@@ -1,14 +1,15 @@
 """What every target and every request passes on its way to the driver of a wire; no I/O.
 
 First the authority (is it of this epoch, does an emergency stop hold?), then the thresholds (is the device too hot to
-move?), then the limits and the set points.  What asks for no motion passes the first two in any case.
+move?) and the origin (has a client asked for it?), then the limits and the set points.  What asks for no motion passes
+the first three in any case.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final
 
 from urbihw.buses.authority import STALE, MotionAuthority
 from urbihw.buses.driver import Driver
@@ -26,6 +27,9 @@ from urbihw.buses.messages import (
     ThresholdCrossed,
 )
 from urbihw.buses.setpoints import Key, SetPoints
+
+NO_ORIGIN: Final = "it would move the robot, and its platform does not tell who asks for it (no origin)"
+"""Why a setting that would move the robot is refused: no stop and no lease would end such a motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +77,7 @@ class Gate:
         passed: dict[Key, Any] = {}
         limits = self.set_points.limits
         for key, value in message.values.items():
-            reason = refusal or self._holding_threshold(key[0])
+            reason = refusal or self._holding_threshold(key[0]) or (NO_ORIGIN if key in message.settings else "")
             unheld = limits and self._driver.unheld_target(*key, value, limits)
             if unheld and not reason:
                 news.append(Refused(*key, unheld))
@@ -94,6 +98,7 @@ class Gate:
         A write that a limit lets change only slowly becomes a target, which is reached in steps.
         """
         reason = self.authority.refusal(message.epoch) or self._holding_threshold(message.device)
+        reason = reason or (NO_ORIGIN if message.setting else "")
         if reason and self._driver.request_moves(message):
             return None, [Reply(message.reply_id, False, error=reason)]
         if self._driver.leaves_place(message):
