@@ -9,6 +9,7 @@ import pytest
 from urbihw.buses import messages as m
 from urbihw.buses.authority import MotionAuthority
 from urbihw.buses.errors import BusTimeout, DeviceRefused, LinkGone
+from urbihw.buses.gate import NO_ORIGIN
 
 from .conftest import Rig
 from .test_worker import Bench, of
@@ -276,3 +277,24 @@ def test_a_failure_that_a_driver_lets_out_opens_the_link_anew_and_the_worker_goe
     heard = bench.run(1.5)
     states = [(each.up, each.reason) for each in of(m.LinkState, heard)]
     assert states == [(False, str(error)), (True, "")]
+
+
+def test_a_target_that_would_move_the_robot_and_that_no_client_has_asked_for_is_refused(bench: Bench) -> None:
+    before = place(bench)
+    bench.tell(m.Targets({GOAL: 900, ITEM: 700}, settings=frozenset({GOAL, ITEM})))
+    heard = bench.run(1.0)
+    assert place(bench) == pytest.approx(before, abs=2)
+    # A setting is written, whoever asks.
+    assert bench.rig.kit.servo(6).registers.get("torque_limit") == 700
+    assert [(each.device, each.item, each.reason) for each in of(m.Refused, heard)] == [(*GOAL, NO_ORIGIN)]
+
+
+def test_a_request_that_would_move_the_robot_and_that_no_client_has_asked_for_is_refused(bench: Bench) -> None:
+    before = place(bench)
+    bench.tell(
+        m.Request(1, "write", *GOAL, 900, setting=True), m.Request(2, "write", *ITEM, 700, setting=True),
+        m.Request(3, "read", *GOAL, setting=True),
+    )  # fmt: skip
+    replies = {each.reply_id: each.error for each in of(m.Reply, bench.run(1.0))}
+    assert replies == {1: NO_ORIGIN, 2: "", 3: ""}
+    assert place(bench) == pytest.approx(before, abs=2)

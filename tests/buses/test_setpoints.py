@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from urbihw.buses.driver import Driver
 from urbihw.buses.messages import Limit, Limited
 from urbihw.buses.setpoints import CATCH_UP_S, LIVE_TIMEOUT_S, LONGEST_STEP_S, Key, SetPoints
 
@@ -16,7 +17,7 @@ WHEEL: Key = (7, "moving_speed")
 TICK = 0.01
 
 
-class Rig:
+class Rig(Driver):
     """Set-points over devices whose places a test says; time goes on by ticks."""
 
     exclusive = frozenset({"goal_position", "goal_velocity"})

@@ -69,6 +69,15 @@ def test_a_package_overwrites_nothing(tmp_path: Path, capsys: Capture) -> None:
     assert files(tmp_path) == [tmp_path / "pyproject.toml"]
 
 
+@pytest.mark.parametrize(("name", "owner"), [("bioloid", "urbihw"), ("nao", "urbihw-nao")])
+def test_the_name_of_another_platform(tmp_path: Path, name: str, owner: str, capsys: Capture) -> None:
+    assert main(("new-platform", name, "--package", str(tmp_path / "mine"))) == 78
+    assert capsys.readouterr().err == (
+        f"urbihw new-platform: {owner} has a platform '{name}' already: take another name\n"
+    )
+    assert files(tmp_path) == []
+
+
 def test_a_folder_that_is_no_clone(tmp_path: Path, capsys: Capture) -> None:
     assert "has no folder urbihw/platforms" in refused(tmp_path, "toy", capsys)
 

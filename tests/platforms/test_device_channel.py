@@ -122,3 +122,14 @@ def test_a_movement_that_was_held_up_says_so_once(bench: Bench) -> None:
 def test_a_loop_that_writes_now_and_then_and_other_statements_are_not_held_up(bench: Bench) -> None:
     assert resumed(bench, [0.02, 1.0, 1.0, 1.2]) == [False] * 4
     assert resumed(bench, [0.02, 0.02, 0.5], same=False) == [False] * 3
+
+
+def test_what_is_written_without_an_origin_is_told_to_be_a_setting(bench: Bench) -> None:
+    bench.channel.set_target(6, "goal_position", 900, bench.motion.own())
+    bench.channel.set_target(6, "led", 1)
+    bench.channel.write(6, "led", 0, lambda reply: None)
+    bench.channel.write(6, "goal_position", 100, lambda reply: None, bench.motion.own())
+    bench.channel.flush()
+    (targets,) = [message for message in bench.sent if isinstance(message, m.Targets)]
+    assert targets.settings == {(6, "led")}
+    assert [message.setting for message in bench.sent if isinstance(message, m.Request)] == [True, False]

@@ -275,6 +275,14 @@ def test_command() -> None:
     assert lab.say("Command.request([1], 3);", 0.1) == "[]"
 
 
+def test_a_command_of_a_statement_that_began_before_a_stop_is_refused() -> None:
+    lab = Lab.ready()
+    lab.say("{ sleep(0.5s); Command.send([3, 10, 10, 0 , 0]) },", 0.1)
+    lab.look("robot.stop")
+    assert "was stopped after this statement had begun" in lab.say("", 1.0)
+    assert lab.brick.sound.frequency == 0
+
+
 LAYOUT = """\
 wheelL = Servo.new("C");
 wheelR = Servo.new("A");

@@ -66,7 +66,7 @@ def test_every_number_has_the_unit_of_the_table(robot: Rig) -> None:
         shown = {row.name: row.unit for row in rows if row.unit or _is_number(row.value)}
         for slot in sorted({*units, *shown}):
             if units.get(slot) != shown.get(slot):
-                problems.append(f"{name}.{slot}: {shown.get(slot)!r}, not {units.get(slot)!r}")
+                problems.append(f"{name}.{slot} has the unit {shown.get(slot)!r}, in UNITS {units.get(slot)!r}")
     assert problems == []
     assert table.keys() <= used
 

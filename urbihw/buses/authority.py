@@ -60,7 +60,7 @@ class MotionAuthority:
         """Refuse all motion until the release of this user; ``keep_latches`` writes the file, after the stop."""
         if user not in self.holders and len(self.holders) >= MOST_HOLDERS:
             user = _OTHERS
-        self.holders[_in_line(user)] = _in_line(who) or "emergency stop"
+        self.holders[plain_name(user)] = plain_name(who) or "emergency stop"
 
     def keep_latches(self) -> str:
         """Write the latches to their file, or remove it if there are none; return why that was not possible, or "".
@@ -101,7 +101,7 @@ class MotionAuthority:
         Returns the names of those whose latches it was; none if somebody else holds the robot, or if none of the others
         does: a mistyped name releases nothing.
         """
-        own = (UNKNOWN, _in_line(user))
+        own = (UNKNOWN, plain_name(user))
         theirs = [each for each, who in self.holders.items() if each in others or who in others]
         if others and not theirs and not everyone:
             return ()
@@ -133,16 +133,17 @@ class MotionAuthority:
         found = {}
         for row in text.splitlines()[-MOST_HOLDERS:]:
             who, _, user = row.partition("\t")
-            found[_in_line(user)] = _in_line(who) or "emergency stop"
+            found[plain_name(user)] = plain_name(who) or "emergency stop"
         return found or {UNKNOWN: "emergency stop"}
 
     def _explain_unreadable(self, why: str) -> str:
         return f"{self._file} cannot be read ({why}): an emergency stop holds, release it"
 
 
-def _in_line(text: str) -> str:
-    """A name or user in one line of a file and of a log."""
-    return " ".join("".join(each if each.isprintable() else " " for each in text[:_MOST]).split())
+def plain_name(text: str, most: int = _MOST) -> str:
+    """A name or user for one line of a log, a terminal and a file: ``most`` characters, all of them printable."""
+    short = " ".join(text[: 4 * most].split())[:most]
+    return "".join(each if each.isprintable() else "?" for each in short)
 
 
 def _remove(file: Path) -> None:

@@ -28,6 +28,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from urbihw.buses.authority import plain_name
 from urbihw.buses.errors import Unavailable
 from urbihw.buses.messages import (
     DeviceReport,
@@ -111,7 +112,7 @@ class _LongLine:
 
     def __init__(self, beginning: bytes) -> None:
         name = _NAME_WORDS.search(beginning)
-        self.name = _plain_name(name[1].decode("utf-8", "replace")) if name else NAMELESS
+        self.name = plain_name(name[1].decode("utf-8", "replace"), MAX_NAME_LENGTH) if name else NAMELESS
         self.most = MAX_LONG_LINE_BYTES if beginning.lstrip().startswith(b"{") else MAX_LINE_BYTES
         """Bytes from which on it is refused: what is no object of JSON contains no stop."""
         self.found = False
@@ -207,7 +208,7 @@ class _Client:
                 return None
             # The robot must stand, whatever name the client gives itself.
             who = NAMELESS
-        who = _plain_name(who)
+        who = plain_name(who, MAX_NAME_LENGTH)
         if verb in _ESTOPS:
             return self._parse_estop(verb, who, wanted)
         rate = wanted.get("hz", 0.0)
@@ -219,7 +220,8 @@ class _Client:
     def _parse_estop(self, verb: str, who: str, wanted: Mapping[str, Any]) -> ControlCommand | None:
         """An emergency stop, which is never refused, or a release."""
         named = wanted.get("user")
-        user = _plain_name(named) if self._is_trusted and isinstance(named, str) and named.strip() else self._own_user
+        named = plain_name(named, MAX_NAME_LENGTH) if self._is_trusted and isinstance(named, str) else ""
+        user = named or self._own_user
         others, everyone = wanted.get("others", []), wanted.get("everyone", False)
         if verb == ESTOP:
             return ControlCommand(verb, who, self, user=user)
@@ -230,7 +232,7 @@ class _Client:
             why = "only root and the user of the daemon may release the emergency stops of others: use sudo"
             self.send_line({"ok": False, "refused": True, "error": why})
             return None
-        names = tuple(_plain_name(str(each)) for each in others)
+        names = tuple(plain_name(str(each), MAX_NAME_LENGTH) for each in others)
         return ControlCommand(verb, who, self, user=user, others=names, everyone=everyone)
 
     def _send_error(self, why: str) -> None:
@@ -447,12 +449,6 @@ def _listen_at_name(path: Path) -> socket.socket | None:
         listener.close()
         return None
     return listener
-
-
-def _plain_name(text: str) -> str:
-    """A name for logs, which are read in terminals, and for a file: no control characters, no surrogates."""
-    short = " ".join(text[: 4 * MAX_NAME_LENGTH].split())[:MAX_NAME_LENGTH]
-    return "".join(each if each.isprintable() else "?" for each in short)
 
 
 def _is_number(value: object) -> bool:

@@ -135,7 +135,7 @@ class Engine:
                 pass
         except Exception as error:  # The robot must be stopped and the parent informed whatever happens.
             reason = f"our bug in the bus worker: {type(error).__name__}: {error}"
-        self._reports.post_held()
+        self._reports.post_kept()
         self._stop_robot("the worker ends")
         self._reports.publish_traffic(self._link.port)
         self._link.end()
@@ -159,11 +159,11 @@ class Engine:
             self._reports.begin_slow_work()
             self._try_open_link()
             self._end_slow_work()
-        # The guard turns the loss of the link into news: the worker lives on, supervises, and opens the link again.
-        self._link.guard(self._tick)
+        # `attempt` turns the loss of the link into news: the worker lives on, supervises, and opens the link again.
+        self._link.attempt(self._tick)
         if self._authority.holders and now >= self._stop_again_at:
             self._stop_again_at = now + _STOP_AGAIN_PERIOD_S
-            self._link.guard(self._driver.stop_again)
+            self._link.attempt(self._driver.stop_again)
         # The tick has ended early if a stop came: it goes out before any request.
         self._execute_urgent()
         self._execute_requests()
@@ -174,7 +174,7 @@ class Engine:
         self._reports.post_statistics(now, self._link.port, self._driver, 1 / self._ticker.period)
         self._reports.tally.late += self._ticker.advance(now)
         if self._ticker.due > now + _TIME_TO_POST_S:
-            self._reports.post_held()
+            self._reports.post_kept()
         self._wait_for_tick()
         return True
 
@@ -190,8 +190,8 @@ class Engine:
         led = points.led_goals(now, still=bool(self._authority.latched))
         if led:
             self._driver.lead(led)
-        news = self._driver.tick(now, self._reports.post_held, self._is_tick_urgent)
-        self._reports.hold(news)
+        news = self._driver.tick(now, self._reports.post_kept, self._is_tick_urgent)
+        self._reports.keep(news)
         for message in news:
             if isinstance(message, DeviceState) and message.new == "back":
                 self._handle_device_return(message.device)
@@ -214,14 +214,14 @@ class Engine:
 
     def _execute_threshold_actions(self, measures: ThresholdActions) -> None:
         if measures.stopped:
-            self._link.guard(lambda: self._driver.safe_stop(measures.stopped))
+            self._link.attempt(lambda: self._driver.safe_stop(measures.stopped))
         if measures.targets:
-            self._link.guard(lambda: self._reports.post(self._driver.targets(Targets(measures.targets))))
+            self._link.attempt(lambda: self._reports.post(self._driver.targets(Targets(measures.targets))))
         self._reports.post(measures.news)
 
     def _handle_device_return(self, device: Any) -> None:
         """A device is back: stop it where it is, then continue its movement from there."""
-        self._link.guard(lambda: self._driver.safe_stop((device,)))
+        self._link.attempt(lambda: self._driver.safe_stop((device,)))
         self._resume_movements(device)
 
     def _resume_movements(self, device: Any) -> None:
@@ -278,7 +278,7 @@ class Engine:
                 self._accept_targets(message, now)
             case Watch():
                 self._health.record_watch(message)
-                self._link.guard(lambda: self._reports.post(self._driver.watch(message, now)))
+                self._link.attempt(lambda: self._reports.post(self._driver.watch(message, now)))
             case Request():
                 self._accept_request(message)
             case Stop():
@@ -306,7 +306,7 @@ class Engine:
         if given:
             self._health.record_applied(given)
             fresh = Targets(given, message.epoch, message.time, rates=self._gate.set_points.paces(given))
-            self._link.guard(lambda: self._reports.post(self._driver.targets(fresh)))
+            self._link.attempt(lambda: self._reports.post(self._driver.targets(fresh)))
 
     def _accept_request(self, message: Request) -> None:
         request, news = self._gate.filter_request(message, self._clock.now())
@@ -332,7 +332,7 @@ class Engine:
         # They are of an older epoch now: those that move something are answered with the refusal.
         for request in stale:
             self._accept_request(request)
-        if self._link.port is None or not self._link.guard(self._driver.safe_stop):
+        if self._link.port is None or not self._link.attempt(self._driver.safe_stop):
             self._pending_stop_reason = reason
         # The stop may have taken long, and nothing was read meanwhile: that is no silence of the master.
         self._inbox.excuse_pause()
@@ -342,7 +342,7 @@ class Engine:
         """Stop some devices.  While the link is down there is nothing to send: they are stopped when it is back."""
         self._gate.set_points.drop_courses(message.devices)
         if self._link.port is not None:
-            self._link.guard(lambda: self._driver.safe_stop(message.devices))
+            self._link.attempt(lambda: self._driver.safe_stop(message.devices))
         self._reports.post([Stopped(message.reason, self._authority.epoch, message.devices)])
 
     def _emergency_stop(self, who: str, user: str) -> None:
@@ -413,7 +413,7 @@ class Engine:
                 continue
             if request.verb in self._driver.slow_verbs:
                 self._reports.begin_slow_work()
-            if not self._link.guard(lambda request=request: self._reports.post(self._driver.request(request))):  # type: ignore[misc]
+            if not self._link.attempt(lambda request=request: self._reports.post(self._driver.request(request))):  # type: ignore[misc]
                 self._reports.post([Reply(request.reply_id, False, error="the link went down")])
             if request.verb in self._driver.slow_verbs:
                 self._end_slow_work()
@@ -446,19 +446,19 @@ class Engine:
         """
         last, self._identity = self._identity, self._driver.identity or self._identity
         if last not in ("", self._identity):
-            self._link.guard(self._stop_what_moves)
+            self._link.attempt(self._stop_what_moves)
             self._pending_stop_reason = ""
             self._stop_robot(f"another robot answers: {self._identity}, not {last}; it is told to stop")
             return
         if self._pending_stop_reason:
-            if self._link.guard(self._driver.safe_stop):
+            if self._link.attempt(self._driver.safe_stop):
                 self._pending_stop_reason = ""
             return
         first, self._first_link = self._first_link, False
         if first:
-            self._link.guard(self._stop_what_moves)
+            self._link.attempt(self._stop_what_moves)
         else:
-            self._link.guard(lambda: self._tell_what_moved(self._driver.stop_on_reconnect()))
+            self._link.attempt(lambda: self._tell_what_moved(self._driver.stop_on_reconnect()))
 
     def _stop_what_moves(self) -> None:
         """Stop the devices that moved when the link was opened.  Raises LinkGone."""

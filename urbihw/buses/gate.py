@@ -1,18 +1,18 @@
 """What every target and every request passes on its way to the driver of a wire; no I/O.
 
 First the authority (is it of this epoch, does an emergency stop hold?), then the thresholds (is the device too hot to
-move?), then the limits and the set points.  What asks for no motion passes the first two in any case.
+move?) and the origin (has a client asked for it?), then the limits and the set points.  What asks for no motion passes
+the first three in any case.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final
 
 from urbihw.buses.authority import STALE, MotionAuthority
 from urbihw.buses.driver import Driver
-from urbihw.buses.guards import ThresholdMonitor
 from urbihw.buses.messages import (
     FromWorker,
     Held,
@@ -26,6 +26,10 @@ from urbihw.buses.messages import (
     ThresholdCrossed,
 )
 from urbihw.buses.setpoints import Key, SetPoints
+from urbihw.buses.thresholds import ThresholdMonitor
+
+NO_ORIGIN: Final = "it would move the robot, and its platform does not tell who asks for it (no origin)"
+"""Why a setting that would move the robot is refused: no stop and no lease would end such a motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,16 +53,16 @@ class Gate:
         self.authority = authority
         self.set_points = SetPoints(driver)
         self._driver = driver
-        self._guards = ThresholdMonitor()
+        self._thresholds = ThresholdMonitor()
 
     def set_limits(self, message: Limits, now: float) -> ThresholdActions:
         """Replace all limits and thresholds; live targets and the last measured values are judged by the new ones."""
         self._driver.limits_changed(message.table)
         reined = self.set_points.set_limits(message.table, now)
-        targets, news = self._guards.set_thresholds(message.thresholds)
+        targets, news = self._thresholds.set_thresholds(message.thresholds)
         # A value that an earlier threshold had changed is restored within the present limits.
         within = {key: self._within_limit(key, raw, message.table.get(key)) for key, raw in targets.items()}
-        told: list[FromWorker] = [*self.set_points.pop_limited(), *news, Held(self._guards.held)]
+        told: list[FromWorker] = [*self.set_points.pop_limited(), *news, Held(self._thresholds.held)]
         return self._threshold_actions(reined | within, told)
 
     def _within_limit(self, key: Key, raw: Any, limit: Limit | None) -> Any:
@@ -73,7 +77,7 @@ class Gate:
         passed: dict[Key, Any] = {}
         limits = self.set_points.limits
         for key, value in message.values.items():
-            reason = refusal or self._holding_threshold(key[0])
+            reason = refusal or self._holding_threshold(key[0]) or (NO_ORIGIN if key in message.settings else "")
             unheld = limits and self._driver.unheld_target(*key, value, limits)
             if unheld and not reason:
                 news.append(Refused(*key, unheld))
@@ -83,7 +87,7 @@ class Gate:
             else:
                 if self._driver.regains_force(*key, value):
                     self.set_points.drop_courses((key[0],))
-                self._guards.note_written(*key, value)
+                self._thresholds.note_written(*key, value)
                 passed[key] = value
         given = self.set_points.accept_targets(passed, now, message.time, message.resumed, message.rates)
         return given, news + [*self.set_points.pop_limited()]
@@ -94,6 +98,7 @@ class Gate:
         A write that a limit lets change only slowly becomes a target, which is reached in steps.
         """
         reason = self.authority.refusal(message.epoch) or self._holding_threshold(message.device)
+        reason = reason or (NO_ORIGIN if message.setting else "")
         if reason and self._driver.request_moves(message):
             return None, [Reply(message.reply_id, False, error=reason)]
         if self._driver.leaves_place(message):
@@ -112,7 +117,7 @@ class Gate:
             if asked is not None:
                 return None, [*self.set_points.pop_limited(), Reply(message.reply_id, True, asked)]
             message = replace(message, value=clamp(message.device, message.item, message.value))
-            self._guards.note_written(message.device, message.item, message.value)
+            self._thresholds.note_written(message.device, message.item, message.value)
         elif message.verb == "write_all":
             rests = self._driver.rests
             steps = tuple(
@@ -121,7 +126,7 @@ class Gate:
             )
             message = replace(message, value=steps)
             for item, value in steps:
-                self._guards.note_written(message.device, item, value)
+                self._thresholds.note_written(message.device, item, value)
         return message, [*self.set_points.pop_limited()]
 
     def explain_unheld(self, request: Request) -> str:
@@ -134,18 +139,18 @@ class Gate:
 
     def check_samples(self, samples: Samples) -> ThresholdActions | None:
         """Compare measured values with the thresholds; None if none was crossed."""
-        targets, news = self._guards.check_samples(samples)
+        targets, news = self._thresholds.check_samples(samples)
         if not news:
             return None
-        held = [Held(self._guards.held)] if any(one.holds for one in news) else []
+        held = [Held(self._thresholds.held)] if any(one.holds for one in news) else []
         return self._threshold_actions(targets, [*held, *news])
 
     def _threshold_actions(self, targets: Mapping[Key, Any], news: list[FromWorker]) -> ThresholdActions:
         crossed = (one.device for one in news if isinstance(one, ThresholdCrossed))
-        stopped = tuple(dict.fromkeys(device for device in crossed if device in self._guards.held))
+        stopped = tuple(dict.fromkeys(device for device in crossed if device in self._thresholds.held))
         self.set_points.drop_courses(stopped)
         return ThresholdActions(stopped, targets, news)
 
     def _holding_threshold(self, device: Any) -> str:
-        name = self._guards.held.get(device)
+        name = self._thresholds.held.get(device)
         return "" if name is None else f"held by {name}"

@@ -32,7 +32,8 @@ class Targets:
     from it. `resumed` are targets of a movement whose writer was held up: the device has stood still meanwhile.
     `rates` are the highest speeds of the movements that the targets belong to, in raw counts per second: the worker
     keeps them, however late and far ahead a target arrives. A target without one is a plain write. A driver gets the
-    speeds of those targets that limits or movements bound, for a robot that can keep a speed by itself.
+    speeds of those targets that limits or movements bound, for a robot that can keep a speed by itself. `settings` are
+    targets that no client has asked for by a guarded variable: one of them that would move the robot is refused.
     """
 
     values: Mapping[tuple[Any, str], Any]
@@ -40,6 +41,7 @@ class Targets:
     time: float | None = None
     resumed: frozenset[tuple[Any, str]] = frozenset()
     rates: Mapping[tuple[Any, str], float] = field(default_factory=dict)
+    settings: frozenset[tuple[Any, str]] = frozenset()
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +62,8 @@ class Request:
 
     Every family has the verbs "read", which returns the value of `item`, and "write", which writes `value` and waits
     for the confirmation where the protocol has one; the driver lists the others. `epoch`: as `Targets.epoch`; a request
-    of an older epoch that may move the robot, or one during an emergency stop, is answered with an error.
+    of an older epoch that may move the robot, or one during an emergency stop, is answered with an error; so is one
+    that may move the robot and is a mere `setting`: as `Targets.settings`.
     """
 
     reply_id: int
@@ -69,6 +72,7 @@ class Request:
     item: str = ""
     value: Any = 0
     epoch: int = 0
+    setting: bool = False
 
 
 @dataclass(frozen=True, slots=True)

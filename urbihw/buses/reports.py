@@ -51,29 +51,29 @@ class Reports:
         self._inventory = inventory
         self._traffic = traffic
         self._clock = clock
-        self._held: Iterable[FromWorker] = ()
+        self._kept: Iterable[FromWorker] = ()
         self._pulse_at = self._allowed_until = now
         self.tally = StatisticsCounter(now, processor)
         self.step_begun_at = now
 
     def post(self, messages: Iterable[FromWorker]) -> None:
-        """Post messages, after those that are held."""
-        self.post_held()
+        """Post messages, after those that are kept."""
+        self.post_kept()
         for message in messages:
             self._post(message)
 
-    def hold(self, messages: Iterable[FromWorker]) -> None:
-        """Keep the messages of a tick for `post_held`: right after the tick, or during the next while the wire is busy.
+    def keep(self, messages: Iterable[FromWorker]) -> None:
+        """Keep the messages of a tick for `post_kept`: right after the tick, or during the next while the wire is busy.
 
         Pickling them takes time that would delay a tick which is due now.
         """
-        self.post_held()
-        self._held = messages
+        self.post_kept()
+        self._kept = messages
 
-    def post_held(self) -> None:
-        """Post the messages that are held."""
-        held, self._held = self._held, ()
-        for message in held:
+    def post_kept(self) -> None:
+        """Post the messages that were kept."""
+        kept, self._kept = self._kept, ()
+        for message in kept:
             self._post(message)
 
     def _post(self, message: FromWorker) -> None:

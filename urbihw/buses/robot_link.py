@@ -54,14 +54,14 @@ class RobotLink:
         self.port = port
         self._reports.publish_traffic(port)
         messages: list[FromWorker] = []
-        if not self.guard(lambda: messages.extend(self._driver.attach(port))):
+        if not self.attempt(lambda: messages.extend(self._driver.attach(port))):
             return None
         port.before_wait = self._reports.post_heartbeat_before_wait
         self._back_off.reset()
         self._announced = True
         return messages
 
-    def guard(self, work: Callable[[], None]) -> bool:
+    def attempt(self, work: Callable[[], None]) -> bool:
         """Call `work`, which uses the link; close the link and return False when it raises a BusError.
 
         A driver lets only LinkGone out. Any other failure may have left its work half done, so the link is opened

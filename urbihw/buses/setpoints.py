@@ -7,7 +7,7 @@ that position is unknown nothing is written: the target waits, and its newest va
 
 The set point of a position is bound to the body, too: while a speed is to be kept, by a limit or by the movement that
 asks, it is never further ahead of the measured position than the device needs to follow at that speed
-(``TargetConverter.reach``).  A joint that is blocked is waited for, so it does not leap when it is free again.  The
+(``Driver.reach``).  A joint that is blocked is waited for, so it does not leap when it is free again.  The
 same holds for a joint that stands: if it is forced away, its goal goes with it, and is led back when it is let go.
 
     asked    .-'-.     .-'-.        the requested course of the movement
@@ -18,9 +18,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Mapping
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
-from urbihw.buses.driver import ImpliedTarget
+from urbihw.buses.driver import Driver, ImpliedTarget
 from urbihw.buses.messages import Limit, Limited
 
 Key = tuple[Any, str]
@@ -97,45 +97,6 @@ def _step(given: float, asked: float, far: float, bounds: tuple[float, float] | 
     return math.nan if math.isnan(bounds[0]) else min(max(step, bounds[0]), bounds[1])
 
 
-class TargetConverter(Protocol):
-    """The part of a driver that set points use: positions, and conversion of targets.
-
-    Attributes:
-        exclusive: items of a device of which the one that is written last counts.
-    """
-
-    @property
-    def exclusive(self) -> Collection[str]: ...
-
-    def pose(self, device: Any, item: str) -> float | None:
-        """Return the position of the device in the unit of the target, nan while it is unknown.
-
-        None for an item that is not a position.
-        """
-        ...
-
-    def reach(self, device: Any, item: str, pace: float, now: float) -> tuple[float, float] | None:
-        """Return the lowest and the highest target for a speed, None if the device needs no such bounds; nan while its
-        position is unknown."""
-        ...
-
-    def joints(self) -> Iterable[Key]:
-        """Return the goals that joints keep by a force that knows of no speed."""
-        ...
-
-    def standing_goal(self, device: Any, item: str) -> float | None:
-        """Return the goal by which one of the ``joints`` stands, nan while it is unknown, None for what is limp."""
-        ...
-
-    def signed(self, device: Any, item: str, raw: Any) -> float:
-        """Return a raw target as a signed number."""
-        ...
-
-    def raw_of(self, device: Any, item: str, signed: float) -> Any:
-        """Return the raw target of a signed number."""
-        ...
-
-
 class SetPoints:
     """The courses of all items of one wire.
 
@@ -143,8 +104,9 @@ class SetPoints:
         limits: the limits of targets by (device, item); ``set_limits`` replaces them.
     """
 
-    def __init__(self, wire: TargetConverter) -> None:
-        self._converter = wire
+    def __init__(self, driver: Driver) -> None:
+        """``driver`` knows the positions, and how counts are signed."""
+        self._driver = driver
         self.limits: Mapping[Key, Limit] = {}
         self._courses: dict[Key, _Course] = {}
         self._under_way: dict[Key, None] = {}
@@ -166,14 +128,14 @@ class SetPoints:
         given: dict[Key, Any] = {}
         for key in self._courses.keys() & table.keys():
             course, limit = self._courses[key], table[key]
-            is_joint = self._converter.pose(*key) is not None
+            is_joint = self._driver.pose(*key) is not None
             if math.isnan(course.asked) or (is_joint and not self._rein(key, course, now)):
                 continue
-            course.asked = self._apply_limit(key, course, limit, self._converter.raw_of(*key, course.asked))
+            course.asked = self._apply_limit(key, course, limit, self._driver.raw_of(*key, course.asked))
             within = min(max(course.given, limit.low), limit.high)
             if within != course.given and not math.isnan(within):
                 course.given = within
-                given[key] = self._converter.raw_of(*key, within)
+                given[key] = self._driver.raw_of(*key, within)
         return given
 
     def _rein(self, key: Key, course: _Course, now: float) -> bool:
@@ -183,8 +145,8 @@ class SetPoints:
         if math.isnan(course.given):
             # It stands since its device came back: what was asked before is over.
             return False
-        place, pace = self._converter.pose(*key), self._pace(key, course)
-        bounds = self._converter.reach(*key, pace, now)
+        place, pace = self._driver.pose(*key), self._pace(key, course)
+        bounds = self._driver.reach(*key, pace, now)
         if bounds is None:
             # Nothing tells how far its goal may be ahead: it was sent there at once, and is not there yet.
             far = pace * LIVE_TIMEOUT_S
@@ -218,7 +180,7 @@ class SetPoints:
 
     def _drop_rivals(self, key: Key) -> None:
         """A motor that was on its way to a place and now turns at a speed does not go on to that place."""
-        for item in self._converter.exclusive:
+        for item in self._driver.exclusive:
             if item != key[1]:
                 self._drop((key[0], item))
 
@@ -241,7 +203,7 @@ class SetPoints:
             if raw.__class__ is bool or not isinstance(raw, int | float) or math.isnan(raw):
                 given[key] = raw
                 continue
-            if key[1] in self._converter.exclusive:
+            if key[1] in self._driver.exclusive:
                 self._drop_rivals(key)
             course = self._courses.get(key)
             if course is None:
@@ -282,14 +244,14 @@ class SetPoints:
             return None
         if self.accept_targets({key: raw}, now):
             return None
-        return self._converter.raw_of(*key, self._courses[key].asked)
+        return self._driver.raw_of(*key, self._courses[key].asked)
 
     def find_exceeded_limit(self, target: ImpliedTarget) -> str:
         """Return the name of the limit that a target would exceed, "" if it may be written."""
         limit = self.limits.get((target.device, target.item))
         if limit is None:
             return ""
-        value = self._converter.signed(target.device, target.item, target.value)
+        value = self._driver.signed(target.device, target.item, target.value)
         if not limit.low <= value <= limit.high and (limit.low, limit.high) != (-math.inf, math.inf):
             return limit.name
         return (limit.rate_name or limit.name) if target.rate > limit.rate else ""
@@ -299,7 +261,7 @@ class SetPoints:
         for key, course in self._courses.items():
             if device not in (None, key[0]):
                 continue
-            place = self._converter.pose(*key)
+            place = self._driver.pose(*key)
             if not course.is_live(now) or (place is None and key not in self._under_way):
                 # Its writer has ended; a movement is never continued without its writer.
                 self._under_way.pop(key, None)
@@ -318,24 +280,24 @@ class SetPoints:
         """
         passed, self._led_at = min(max(0.0, now - self._led_at), SLOWEST_TICK_S), now
         news: dict[Key, Any] = {}
-        for key in self._converter.joints() if still else (*self._limited, *self._paced):
+        for key in self._driver.joints() if still else (*self._limited, *self._paced):
             pace = 0.0 if still else self._pace(key, self._courses.get(key, _NO_COURSE))
-            goal = None if key in self._under_way or pace == math.inf else self._converter.standing_goal(*key)
+            goal = None if key in self._under_way or pace == math.inf else self._driver.standing_goal(*key)
             if goal is None:
                 self._led.pop(key, None)
                 continue
             if math.isnan(goal):
                 continue
             home, given = self._led.pop(key, (math.nan, math.nan))
-            bounds = self._converter.reach(*key, pace, now)
-            if math.isnan(given) or self._converter.raw_of(*key, given) != goal:
+            bounds = self._driver.reach(*key, pace, now)
+            if math.isnan(given) or self._driver.raw_of(*key, given) != goal:
                 given = goal
             if still or math.isnan(home):
                 home = given
             step = _step(given, home, pace * passed, bounds)
             if step != home and not math.isnan(step):
                 self._led[key] = home, step
-            if not math.isnan(step) and (raw := self._converter.raw_of(*key, step)) != goal:
+            if not math.isnan(step) and (raw := self._driver.raw_of(*key, step)) != goal:
                 news[key] = raw
         return news
 
@@ -361,12 +323,12 @@ class SetPoints:
             pace = self._pace(key, course)
             if course.returning:
                 pace = min(pace, course.speed() or abs(way) / CATCH_UP_S)
-            bounds = self._converter.reach(*key, pace, now) if pace < math.inf else None
+            bounds = self._driver.reach(*key, pace, now) if pace < math.inf else None
             step = _step(course.given, course.asked, pace * elapsed if elapsed else 0.0, bounds)
             if math.isnan(step):
                 continue
             course.given = step
-            given[key] = self._converter.raw_of(*key, course.given)
+            given[key] = self._driver.raw_of(*key, course.given)
             if course.given == course.asked:
                 course.returning = False
                 del self._under_way[key]
@@ -386,23 +348,23 @@ class SetPoints:
 
     def _apply_limit(self, key: Key, course: _Course, limit: Limit, raw: Any) -> float:
         """Return a target after its limit; a message is queued when that changes, and when the limit is left."""
-        asked = self._converter.signed(*key, raw)
+        asked = self._driver.signed(*key, raw)
         wanted = min(max(asked, limit.low), limit.high)
         name = limit.name if wanted != asked else ""
         if name != course.limit or (name and wanted != course.limited_to):
             course.limit, course.limited_to = name, wanted
-            self._news.append(Limited(*key, raw, self._converter.raw_of(*key, wanted), name))
+            self._news.append(Limited(*key, raw, self._driver.raw_of(*key, wanted), name))
         return wanted
 
     def _raw_value(self, key: Key, raw: Any, wanted: float) -> Any:
-        return raw if self._converter.signed(*key, raw) == wanted else self._converter.raw_of(*key, wanted)
+        return raw if self._driver.signed(*key, raw) == wanted else self._driver.raw_of(*key, wanted)
 
     def _start_catch_up(self, key: Key, course: _Course, now: float) -> None:
         """Lead a device from its position to its course, no faster than the course itself moves.
 
         An unknown position (nan) is looked up by ``next_targets``, as often as it takes.
         """
-        place = self._converter.pose(*key)
+        place = self._driver.pose(*key)
         if place is None:
             return
         course.given, course.returning = place, True
@@ -410,14 +372,14 @@ class SetPoints:
 
     def _begin_at_position(self, key: Key, course: _Course) -> bool:
         """Begin a course whose position was unknown at the position; False if that is still unknown."""
-        place = self._converter.pose(*key)
+        place = self._driver.pose(*key)
         course.given = 0.0 if place is None else place
         return not math.isnan(course.given)
 
     def _start_ramp(self, key: Key, course: _Course, now: float) -> bool:
         """Start a ramp to a target; False if it is reached already."""
-        place, pace = self._converter.pose(*key), self._pace(key, course)
-        bounds = None if place is None else self._converter.reach(*key, pace, now)
+        place, pace = self._driver.pose(*key), self._pace(key, course)
+        bounds = None if place is None else self._driver.reach(*key, pace, now)
         if bounds is not None:
             # In the middle, it pushes as hard as it does now: a joint that carries a weight does not give way.
             begin = sum(bounds) / 2 if math.isnan(course.given) else course.given

@@ -16,6 +16,7 @@ from pathlib import Path
 from string import Template
 from typing import Final, NamedTuple
 
+from urbihw import platforms
 from urbihw.cli.options import CliRefused
 from urbihw.exitcodes import EX_CONFIG
 from urbihw.kernel import Kernel
@@ -124,13 +125,15 @@ def _tree(folder: Path) -> Path:
 
 
 def _check_name(name: str) -> None:
-    """Raise CliRefused if Python, urbiscript or its library uses this name."""
+    """Raise CliRefused if a platform, Python, urbiscript or its library uses this name."""
     if not _NAME.fullmatch(name):
         raise CliRefused(
             f"{name!r} cannot be a name: take 2 to 16 letters a to z and digits, a letter first", EX_CONFIG
         )
     if keyword.iskeyword(name) or name in RESERVED:
         raise CliRefused(f"{name!r} means something else already: take another name", EX_CONFIG)
+    if other := platforms.owner(name):
+        raise CliRefused(f"{other} has a platform {name!r} already: take another name", EX_CONFIG)
     kernel = Kernel(libraries=(ROBOT_LIBRARY,))
     lobby = kernel.open_lobby()
     names = ", ".join(f'Global.hasSlot("{each}")' for each in (name, name.capitalize()))

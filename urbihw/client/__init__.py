@@ -12,5 +12,8 @@ threads), ``iterators``, ``objects`` and
 ``robot`` (what programs see), ``shown`` and ``live_plot`` (notebooks), ``aio_connection`` and
 ``aio`` (the same for asyncio).  The commands use ``connection``, the gateway and the console ``aio_connection``.
 
+Beside them: ``driving`` (a base by repeated orders), ``interrupts`` (Ctrl-C), ``latch`` (the file of an emergency
+stop), ``subject`` (what is completed).
+
 May import nothing of urbihw: the commands and the remote devices both use it.
 """

@@ -3,4 +3,9 @@
 Reading order: ``service`` (start, reload, stop), ``config`` (its settings), ``access_policy`` and ``access`` (TLS and
 tokens for clients of other machines), ``notify`` (messages to the service manager), ``fake`` (the process of the
 simulated robot), ``holders`` (the process that has the port or the device open).
+
+The service manager and the system: ``activation``, ``units``, ``journal``, ``timeouts``, ``runtime`` and
+``dead_sockets`` (sockets), ``state`` with ``secrets`` and ``tls`` (what is kept), ``files`` and ``schema`` (of the
+settings). For those who watch: ``observers``, ``control_client``, ``metrics`` with ``metrics_text``, ``panel``,
+``announce``.
 """

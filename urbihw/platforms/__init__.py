@@ -3,14 +3,25 @@
 A robot may be a package of its own, too, found by its entry point of the group ``urbihw.platforms``.
 
 Where to start: ``manifest`` (what a platform says of itself), ``hooks`` (what a platform implements), ``base`` (what
-every robot on one wire does with its worker), with ``guarded`` (stops and limits), ``arrival`` (a robot that is absent
-at the start) and ``channel`` (how devices reach the worker), then ``bioloid`` (the first, and the example).  A platform
-imports those, ``urbihw.kernel.uobject``, ``urbihw.buses`` and ``urbihw.navigation``, never another platform.
+every robot on one wire does with its worker), with ``guarded`` (stops), ``limited`` (limits), ``arrival`` (a robot that
+is absent at the start) and ``channel`` (how devices reach the worker), then ``bioloid`` (the first, and the example).
+A platform imports those, ``urbihw.kernel.uobject``, ``urbihw.buses`` and ``urbihw.navigation``, never another platform.
+
+Beside them: ``session`` (with the worker), ``measured`` and ``streamed`` (devices whose values come), ``clipping``
+(limits as a device shows them), ``identity``, ``problems`` and ``devicelog`` (what a robot tells), ``expected``,
+``taken`` and ``remembered`` (``[devices]``, their names, those of the last run), ``camera`` with ``film`` and ``jpeg``,
+``speaker`` with ``sound``.
+
+In the folder of a robot ``options`` are its ``[options]``, ``words`` the meanings of its slots (those of several robots
+in ``words`` here), ``trace`` decodes its traffic. Three folders are no robots: ``servos`` (what robots on a servo bus
+share), ``teach`` (recorded motions), ``scene`` (looking at simulated worlds). The robots: ``bioloid``, ``chain``,
+``cia402``, ``nxt``, ``p3dx``, ``segway``, ``so101``, ``spykee``, ``webots``.
 """
 
 from __future__ import annotations
 
 import importlib
+import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
@@ -32,16 +43,12 @@ from urbihw.settings import Mistake, SettingsTable, guess
 
 __all__ = [
     "Adapter", "BadManifest", "DeviceLimits", "DeviceSettings", "Manifest", "PlatformFolder", "adapters", "find",
-    "folders", "load", "load_options", "load_trace", "manifests", "mistakes", "read", "scan",
+    "folders", "load", "load_options", "load_trace", "manifests", "mistakes", "owner", "read", "scan", "wheels",
 ]  # fmt: skip
 
 
 ENTRY_POINTS: Final = "urbihw.platforms"
 """Group under which other packages name their platforms: name = platform, value = the package with its manifest."""
-
-
-WHEELS: Final = {"nao": "urbihw-nao"}
-"""Platforms that are packages of their own in the sources of urbihw (``packages``)."""
 
 
 def folders(root: Path | None = None) -> list[PlatformFolder]:
@@ -83,12 +90,24 @@ def manifests() -> Iterator[Manifest]:
             continue
 
 
+def wheels() -> dict[str, str]:
+    """The platforms that are known to be packages of their own -> these packages, whether or not they are installed."""
+    return tomllib.loads(Path(__file__).with_name("wheels.toml").read_text("utf-8"))
+
+
+def owner(name: str) -> str:
+    """What has a platform of this name: "urbihw", or a package of its own, even one not installed; "" if none has."""
+    taken = wheels() | {folder.name: folder.wheel or "urbihw" for folder in folders()}
+    return taken.get(name, "")
+
+
 def find(name: str, root: Path | None = None) -> Manifest:
     """The manifest of a platform by name.  Raises BadConfig, naming those there are, and BadManifest."""
     own = _own_folders(root)
     known = own if name in own else {folder.name: folder for folder in folders(root)}
-    if name not in known and name in WHEELS:
-        raise BadConfig(f"platform {name} is a package of its own: install {WHEELS[name]} (docs/operations.md)")
+    wheel = "" if name in known else wheels().get(name, "")
+    if wheel:
+        raise BadConfig(f"platform {name} is a package of its own: install {wheel} (docs/operations.md)")
     if name not in known:
         raise BadConfig(f"no platform {name!r}{guess(name, known)}")
     return read(known[name])

@@ -105,7 +105,7 @@ class WiredRobot(RobotHooks, PlatformRobot):
 
     def close(self) -> None:
         """Stop the robot, end the worker, and destroy the objects."""
-        handle = self.worker.release()
+        handle = self.worker.forget()
         self.motion.close()
         self.log.close()
         self.destroy()
@@ -214,7 +214,7 @@ class WiredRobot(RobotHooks, PlatformRobot):
             case m.WorkerState():
                 self._handle_worker_state(message)
             case m.Ended():
-                if self.worker.release() is not None or message.reason:
+                if self.worker.forget() is not None or message.reason:
                     self.arrival.link_changed(m.LinkState(False, message.reason or "the bus worker ended"))
             case m.WorkerHeartbeat():
                 pass

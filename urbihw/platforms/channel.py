@@ -2,7 +2,7 @@
 
 Nothing here blocks: targets and requests are sent to the worker at the end of the scheduler round, and its replies
 arrive as calls.  A write that may move the robot carries its ``Origin`` and is dropped when that is no longer live; a
-write without an origin is a setting.
+write without an origin is a setting, and the worker refuses it if it would move the robot.
 """
 
 from __future__ import annotations
@@ -132,7 +132,8 @@ class DeviceChannel:
                 now = self._motion.now()
                 resumed = frozenset(key for key in values if self._was_held_up(key, targets[key][1], now))
                 rates = {key: rate for key in values if (rate := targets[key][2]) < math.inf}
-                self._send(Targets(values, self._motion.epoch, now, resumed, rates))
+                settings = frozenset(key for key in values if targets[key][1] is None)
+                self._send(Targets(values, self._motion.epoch, now, resumed, rates, settings))
         if self._outbox:
             outbox, self._outbox = self._outbox, []
             for message in outbox:
@@ -183,4 +184,4 @@ class DeviceChannel:
             return
         self._waiting[self._count] = done
         epoch = self._motion.epoch if origin is None else origin.epoch
-        self._outbox.append(Request(self._count, verb, device, item, raw, epoch))
+        self._outbox.append(Request(self._count, verb, device, item, raw, epoch, setting=origin is None))

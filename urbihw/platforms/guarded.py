@@ -40,7 +40,7 @@ class MotionGuard(DevicePart):
         """``name`` is that of the robot, for messages; ``send`` passes a message to the worker."""
         super().__init__(device)
         self._name, self._send, self._log, self._hooks = name, send, log, hooks
-        self.motion = Motion(self.host, name, self._stop_released)
+        self.motion = Motion(self.host, name, self._stop_left_devices)
         self._resume = True
         self._standstills = 0
         self._stop_asked_at = -math.inf
@@ -156,7 +156,7 @@ class MotionGuard(DevicePart):
         self._standstills += 1
         self._publish_stops()
 
-    def _stop_released(self, devices: tuple[Hashable, ...], reason: str) -> None:
+    def _stop_left_devices(self, devices: tuple[Hashable, ...], reason: str) -> None:
         """Stop the devices that a client moved whose connection has ended."""
         self._log.warning("%s: stopped: %s", _names(devices), reason)
         self._hooks.on_halt(reason, devices)

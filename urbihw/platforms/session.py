@@ -97,7 +97,7 @@ class WorkerSession(DevicePart):
                 # The worker has ended; its ``Ended`` message follows with the reason.
                 pass
 
-    def release(self) -> WorkerHandle | None:
+    def forget(self) -> WorkerHandle | None:
         """Forget the worker, which has ended or is to end; return its handle."""
         handle, self.handle = self.handle, None
         return handle

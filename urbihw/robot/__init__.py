@@ -10,6 +10,8 @@ The modules are those of a library (``urbihw.kernel.stdlib`` tells what they may
 
 A kernel that has it is made by ``Kernel(libraries=(ROBOT_LIBRARY,))``.  Start reading with ``interface.u``.  Imports
 nothing of the kernel but its door for libraries, ``urbihw.kernel.library``.
+
+``interface_notes`` has the meanings of promised slots.
 """
 
 from urbihw.kernel.library import Library

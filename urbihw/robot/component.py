@@ -6,6 +6,7 @@ has them made.
 
 from __future__ import annotations
 
+import re
 from functools import lru_cache
 from typing import Any, Final
 
@@ -18,6 +19,9 @@ ROBOT: Final = "robot"
 """The slot of Global with the robot (manual, chapter 22)."""
 DIRECTIONS = frozenset(("yaw", "pitch", "roll", "x", "y", "z"))
 """Names that are never sufficient alone."""
+
+EXPERIMENTAL: Final = re.compile(r"experimental(?=[A-Z])")
+"""Beginning of the name of a part that has no standard name; its compact name is without it."""
 
 Names = tuple[str, ...]
 """The names on the way from the root to a part."""
@@ -58,11 +62,18 @@ def brief_names(world: World, this: Value, paths: list[Any]) -> list[str]:
 @lru_cache(maxsize=16)
 def _brief_names(paths: tuple[Names, ...]) -> tuple[str, ...]:
     """See ``brief_names``; a robot that arrives again has the same paths."""
+    paths = tuple(tuple(map(_short_word, path)) for path in paths)
     with_word: dict[str, dict[Names, None]] = {}
     for path in paths:
         for word in path:
             with_word.setdefault(word, {})[path] = None
     return tuple(_brief_name(path, with_word) for path in paths)
+
+
+def _short_word(name: str) -> str:
+    """The name of a part without the word that tells that it is no standard name."""
+    rest = EXPERIMENTAL.sub("", name, 1)
+    return name if rest == name else rest[0].lower() + rest[1:]
 
 
 def _brief_name(path: Names, with_word: dict[str, dict[Names, None]]) -> str:

@@ -9,6 +9,9 @@ Reading order: ``settings``, ``gateway`` (what runs), ``connections`` (TCP), ``p
 connection to the daemon), ``worker`` (what the control socket tells), ``remote`` (a robot of another machine),
 ``robot`` (state, devices and tree for all browsers), ``tree`` (what may be read, written and called).
 
+Requests: ``asked`` (their fields), ``language``, ``moving`` with ``travel`` (how long an order was on its way),
+``streams``, ``pictures``. ``serving`` runs it all.
+
 May import the client side (``urbihw.client``), the state folder and the certificate of the daemon, and the verdict on
 the health of a robot.  It never imports the kernel or a platform.  Needs the extra ``web``.
 """

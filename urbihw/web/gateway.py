@@ -143,7 +143,7 @@ class Gateway:
             self.driver = session
             self.tell_state()
 
-    def release_lease(self, session: WebSession) -> None:
+    def end_lease(self, session: WebSession) -> None:
         """End the lease of a browser, if it has it."""
         if self.driver is session:
             session.stop_driving()

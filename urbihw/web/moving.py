@@ -197,7 +197,7 @@ async def lease(session: WebSession, request: Request) -> dict[str, Any]:
     if truth_of(request, "take"):
         session.gateway.take_lease(session, over=True)
     else:
-        session.gateway.release_lease(session)
+        session.gateway.end_lease(session)
     return {}
 
 

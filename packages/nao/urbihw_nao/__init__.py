@@ -17,4 +17,7 @@ Pictures: ``pictures`` (formats), ``camera_part``, ``camera``.
 
 Modules of NAOqi in urbiscript: ``module_part`` with ``module_help`` (registered, calls passed on), ``http_visitor``
 with ``literals`` (calls by HTTP), ``modules`` and ``almodule.u``.
+
+Beside them: ``old_names`` (of NAOqi 1), ``http_request`` (strict), ``watchdog`` and ``watchdog_part`` (the program on
+the robot, and who feeds it).
 """

@@ -10,4 +10,6 @@ tables), `drive` (one of them), `drives` (the worker's half). Needs the extra `c
     can://virtual/name                                  within one process
     can://pipe/name                                     within one test, in simulated time
     can://kvaser/0?bitrate=500000                       and what else python-can has, by its name
+
+Beside them: `emergencies` (their codes in words), `options`, `trace` (frames for people).
 """

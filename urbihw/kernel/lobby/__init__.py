@@ -4,4 +4,7 @@ Reading order: ``output`` (time-stamped lines, bounded), ``lobby`` (the object a
 jobs), ``templates`` (statements that differ in their literals only), ``program_files`` (cached code of loaded files),
 ``printing`` (values and errors as text).  May import ``compiler``, ``syntax`` (through it), ``runtime`` and ``sched``;
 does not depend on sockets.
+
+Beside them: ``statements`` (run for a program), ``connection_tag``, ``lease`` (silent clients), ``long_work`` (long
+programs), ``server_log`` and ``host_process`` (what ``System`` shows).
 """

@@ -66,7 +66,7 @@ class Lobby(Obj):
         devices."""
         self.received = 0
         self.released_at = 0
-        """The lowest epoch of a statement that may move devices: ``release_devices`` sets it."""
+        """The lowest ``Job.era`` of a statement that may move devices: ``release_devices`` sets it."""
         self.silence = ""
         """What the client has done, in words, while it may not move devices because its ``lease`` is over; else ""."""
         self.ordered: int | None = None
@@ -129,7 +129,7 @@ class Lobby(Obj):
             if other is not self and other.holdings.connects_from(address):
                 self.set_maker(other)
                 # It is one program, which began when it connected.
-                self.ordered = self.world.scheduler.epoch
+                self.ordered = self.world.scheduler.era
                 return
 
     def _made(self) -> list[Lobby]:
@@ -184,8 +184,8 @@ class Lobby(Obj):
         """Stop the devices that this lobby and those that belong to it move.  The statements that move them end; those
         that begin later may move them.
         """
-        self.world.scheduler.epoch += 1
-        self.released_at = self.world.scheduler.epoch
+        self.world.scheduler.era += 1
+        self.released_at = self.world.scheduler.era
         for hear in list(self.world.devices_released):
             hear(self)
         for other in self._made():

@@ -6,4 +6,10 @@ kernel's objects and the verbs of native code) with ``failures`` (conversion of 
 whenever, waituntil), ``tagscope`` (tagged code), ``backtrace`` and ``location`` (the place of an error), ``primitive``
 (tables of built-ins) with ``arguments`` (their checks).  May import ``sched``, ``kernel.errors`` and ``kernel.value``
 only.
+
+Beside them: ``lookup`` and ``slot`` (inherited slots, and what a slot has beside its value), ``spelling``, ``convert``
+and ``binary``, ``matching`` (patterns), ``trajectory`` and ``blend`` (values over time), ``notifier`` (conditions that
+no job watches), ``record`` and ``redefinition`` (what programs changed of the library), ``holdings`` (sockets and
+processes of a connection), ``identifiers``, ``plain`` and ``unread`` (errors as text, and errors that nobody has read),
+``remains`` (large lists that end).
 """

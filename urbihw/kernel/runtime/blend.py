@@ -81,7 +81,7 @@ class Blender:
         self._since: Callable[[], int] = lambda: 0
 
     def guard(self, admit: Callable[[float], None], since: Callable[[], int]) -> None:
-        """Set the guard: ``admit`` raises an error for a write that is not allowed, ``since`` gives the ``Job.epoch``
+        """Set the guard: ``admit`` raises an error for a write that is not allowed, ``since`` gives the ``Job.era``
         of the oldest statements that may write.
         """
         self.admit, self._since = admit, since
@@ -140,7 +140,7 @@ class Blender:
     def _blended(self, more: list[float]) -> float:
         since = self._since()
         # A movement of a stopped statement may not have had its turn to end yet: its value no longer counts.
-        live = [movement for movement in self._movements if movement.job.epoch >= since]
+        live = [movement for movement in self._movements if movement.job.era >= since]
         wanted = [movement.value for movement in live if movement.value is not None] + more
         wanted += [value for _, value in self._just_ended()]
         return sum(wanted) if self.mode == "add" else sum(wanted) / len(wanted)

@@ -28,11 +28,11 @@ class Job:
     them.
 
     ``context`` belongs to the layer above (the runtime stores the lobby there); jobs made by this job inherit it.
-    ``epoch`` is the value of ``Scheduler.epoch`` when the job's statement began.  Jobs made by this job inherit it, so
-    that all jobs of one statement have the same epoch.
+    ``era`` is the value of ``Scheduler.era`` when the job's statement began.  Jobs made by this job inherit it, so
+    that all jobs of one statement have the same era.
 
-    ``ordered`` is the value of ``Scheduler.epoch`` when somebody ordered this: the statement of a client, with all that
-    it has set up, also handlers that run later; 0 where no client is behind it.  It stays when ``epoch`` is renewed.
+    ``ordered`` is the value of ``Scheduler.era`` when somebody ordered this: the statement of a client, with all that
+    it has set up, also handlers that run later; 0 where no client is behind it.  It stays when ``era`` is renewed.
     Statements of a program that began earlier, such as a device in another process, are not ordered one by one.
     """
 
@@ -43,7 +43,7 @@ class Job:
         "context",
         "done",
         "entries",
-        "epoch",
+        "era",
         "error",
         "face",
         "frozen",
@@ -83,7 +83,7 @@ class Job:
         self.timer: Timer | None = None
         self.wake_left = 0.0
         self.entries: list[TagEntry] = []
-        self.epoch = scheduler.epoch
+        self.era = scheduler.era
         self.ordered = 0
         self.frozen = False
         self.frozen_at = 0.0
@@ -179,17 +179,17 @@ class Job:
     def begin_statement(self, ordered: int | None = None) -> None:
         """A new statement of a client begins in this job; ``ordered`` is when it was ordered, None for now."""
         self.renew()
-        self.ordered = self.scheduler.epoch if ordered is None else ordered
+        self.ordered = self.scheduler.era if ordered is None else ordered
 
     def descend(self, maker: Job) -> None:
         """This job belongs to the statement of another one, though it does not have its tags."""
-        self.epoch, self.ordered = maker.epoch, maker.ordered
+        self.era, self.ordered = maker.era, maker.ordered
 
     def renew(self) -> None:
-        """Let the statement of this job count as new: this job, and those that wait for it, get the present epoch."""
+        """Let the statement of this job count as new: this job, and those that wait for it, get the present era."""
         job: Job | None = self
-        while job is not None and job.epoch != self.scheduler.epoch:
-            job.epoch = self.scheduler.epoch
+        while job is not None and job.era != self.scheduler.era:
+            job.era = self.scheduler.era
             job = None if job.group is None else job.group.owner
 
     def local_time(self, now: float) -> float:

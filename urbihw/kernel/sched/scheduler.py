@@ -70,7 +70,7 @@ class Scheduler:
         self.frozen_tags = 0
         self.abandoned = False
         """Whether no job will run any more."""
-        self.epoch = 0
+        self.era = 0
         """Advanced from outside to tell statements that began before an event, such as an emergency stop, from later
         ones."""
         self.max_total_jobs = MAX_TOTAL_JOBS

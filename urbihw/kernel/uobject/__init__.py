@@ -19,6 +19,11 @@ order: ``uvar`` (a variable with an owner, on ``hooked``, a slot with a device b
 ``part`` (devices of several parts), ``motion`` (who may move a robot), ``effector`` (the variables that move it),
 ``host`` (the kernel as a platform sees it), ``robot`` (a platform as the daemon sees it), ``natives`` (the urbiscript
 side).  Devices of other processes are in ``uremote``.
+
+Beside them: ``callback`` and ``convert`` (handlers and their arguments), ``uvalue`` and ``binary`` (values of both
+sides), ``uevent``, ``timers``, ``modules`` (files with devices), ``registry`` (all devices of a kernel), ``stats``,
+``protection`` (no program can take the robot away), ``errors`` (kinds of failure).
+
 May import ``runtime`` and ``sched``.
 """
 

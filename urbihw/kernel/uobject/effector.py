@@ -99,7 +99,7 @@ class Effector:
 
     @property
     def since(self) -> int:
-        """The lowest ``Job.epoch`` of a statement that may move this effector."""
+        """The lowest ``Job.era`` of a statement that may move this effector."""
         return self._motion.since(self.device)
 
     @property
@@ -222,9 +222,9 @@ class EffectorDevice(UObject):
         """Warn the writing client once of each cause; a trajectory writes at each of its steps."""
         if self._cause != (text, losses):
             self._cause, self._warned = (text, losses), []
-        if origin.lease is not None and all(lease is not origin.lease for lease in self._warned):
-            present = [lease for lease in self._warned if getattr(lease, "connected", True)]
-            self._warned = [*present, origin.lease]
+        if origin.lobby is not None and all(lobby is not origin.lobby for lobby in self._warned):
+            present = [lobby for lobby in self._warned if getattr(lobby, "connected", True)]
+            self._warned = [*present, origin.lobby]
             origin.warn(text)
 
     def _tell_why(self) -> None:

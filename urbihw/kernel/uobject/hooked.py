@@ -45,7 +45,7 @@ class WriteGuard(Protocol):
 
     @property
     def since(self) -> int:
-        """The lowest ``Job.epoch`` of a statement that may write."""
+        """The lowest ``Job.era`` of a statement that may write."""
         ...
 
     def check_end(self) -> None:

@@ -5,7 +5,7 @@ carries an ``Origin``: the epoch in which it was written and the client that wro
 of a client that has disconnected, is invalid; a request with an invalid origin is dropped wherever it waits: in a job,
 in a device, on the way to the bus worker.  So no list of movements has to be searched at a stop.
 
-The age of a statement is the epoch in which it began (``Job.epoch``).  If a statement began before a stop and tries to
+The age of a statement is the epoch in which it began (``Job.era``).  If a statement began before a stop and tries to
 move the robot after it, it gets an error with the reason; a program that catches the error continues like a new
 statement.
 
@@ -54,7 +54,7 @@ class Origin:
         tag: the innermost tag made by the user, "" for none.
         stack: the calls that led to the write, looked up when somebody asks for ``place``.
         time: time of the statement's first write to this effector, in seconds of the kernel's clock.
-        lease: the lobby, None for the robot itself.
+        lobby: that of the client, None for the robot itself.
         mark: distinguishes writes before a stop of a single device from writes after it.
         pace: the highest speed of the movement that writes, in units of its slot per second; inf for a plain write.
     """
@@ -64,7 +64,7 @@ class Origin:
     tag: str
     stack: Callable[[], Stack]
     time: float
-    lease: Any = None
+    lobby: Any = None
     mark: int = 0
     pace: float = math.inf
 
@@ -82,7 +82,7 @@ class Origin:
 
     def warn(self, text: str) -> None:
         """Print a warning for the client that wrote, with the place in its program."""
-        output = getattr(self.lease, "output", None)
+        output = getattr(self.lobby, "output", None)
         if output is not None:
             place = self.place
             output.line(f"!!! {place}{': ' if place else ''}warning: {text}", "warning")
@@ -108,18 +108,18 @@ class Motion:
         holders: user -> name, of those whose emergency stops hold, as far as they are known.
         keep: whether a movement continues when its client has disconnected.
         held: device -> reason why it may not move at present.
-        absent: device, None for all -> why writes to it do not act at present, and the lowest ``Job.epoch`` of a
+        absent: device, None for all -> why writes to it do not act at present, and the lowest ``Job.era`` of a
             statement that began after the loss (``set_absent``).
         absences: how often ``absent`` has changed.
         at_rest: whether no write was accepted since the last stop.
         on_unarmed: called when ``explain_unarmed`` changes.
     """
 
-    def __init__(self, host: Host, name: str, release: Callable[[tuple[Hashable, ...], str], None]) -> None:
-        """``release(devices, reason)`` stops the devices of a client that has disconnected."""
+    def __init__(self, host: Host, name: str, stop_devices: Callable[[tuple[Hashable, ...], str], None]) -> None:
+        """``stop_devices(devices, reason)`` stops what a client moves whose lease is over."""
         self._world = host.world
         self._name = name
-        self._release = release
+        self._stop_devices = stop_devices
         self.epoch = 0
         self.stops = 0
         self.reason = ""
@@ -154,8 +154,8 @@ class Motion:
     def person(self) -> str:
         """Who runs the present statement, whatever connection is used: ``Lobby.person``, or ``ROBOT``."""
         job = self._world.scheduler.current
-        lease = None if job is None else job.context
-        return str(getattr(lease, "person", ROBOT))
+        lobby = None if job is None else job.context
+        return str(getattr(lobby, "person", ROBOT))
 
     def hold(self, holders: Mapping[str, str]) -> None:
         """An emergency stop holds: nothing moves until ``release``."""
@@ -175,8 +175,8 @@ class Motion:
         self.epoch = self.epoch + 1 if epoch is None else epoch
         # Two numbers: that of the worker counts stops of this robot, that of the scheduler orders statements.  Jobs of
         # earlier statements keep the older number, so a loop that runs on cannot move the robot again.
-        scheduler.epoch += 1
-        self._mark = scheduler.epoch
+        scheduler.era += 1
+        self._mark = scheduler.era
         self.reason = reason
         self.stops += 1
         self.at_rest = True
@@ -189,8 +189,8 @@ class Motion:
         self.holders = {}
         if self.latched:
             self.latched = ""
-            self._world.scheduler.epoch += 1
-            self._set_armed(self._world.scheduler.epoch)
+            self._world.scheduler.era += 1
+            self._set_armed(self._world.scheduler.era)
 
     def rearm(self) -> None:
         """Let move again what was ordered before the release of an emergency stop and has not ended.
@@ -207,12 +207,12 @@ class Motion:
         self._unarmed.clear()
         self.on_unarmed()
 
-    def _refuse_unarmed(self, lease: Any) -> None:
+    def _refuse_unarmed(self, lobby: Any) -> None:
         """Raise the error for what was ordered before the release; warn its client, even if it catches the error."""
         why = "an emergency stop was released after this program had begun: begin it again, or call rearm"
-        if lease not in self._unarmed:
-            self._unarmed[lease] = _client(lease)
-            output = getattr(lease, "output", None)
+        if lobby not in self._unarmed:
+            self._unarmed[lobby] = _client(lobby)
+            output = getattr(lobby, "output", None)
             if output is not None:
                 output.line(f"!!! warning: {self._name}: {why}", "warning")
             self.on_unarmed()
@@ -229,8 +229,8 @@ class Motion:
 
     def end(self, device: Hashable, reason: str) -> None:
         """End the movements of one device: statements that began before may not move it any more."""
-        self._world.scheduler.epoch += 1
-        self._ended[device] = self._world.scheduler.epoch, reason
+        self._world.scheduler.era += 1
+        self._ended[device] = self._world.scheduler.era, reason
         self._moved_by.pop(device, None)
 
     def renew(self) -> None:
@@ -252,12 +252,12 @@ class Motion:
             return
         if job.ordered < self._armed_since:
             self._refuse_unarmed(job.context)
-        if job.epoch < self._mark:
+        if job.era < self._mark:
             raise errors.MovementStopped(f"{self._name} was stopped after this statement had begun: {self.reason}")
         silence = getattr(job.context, "silence", "")
         if silence:
             raise errors.MovementRefused(f"{_client(job.context)} {silence}, so it cannot move {self._name}")
-        if job.epoch < getattr(job.context, "released_at", 0):
+        if job.era < getattr(job.context, "released_at", 0):
             raise errors.MovementStopped(
                 f"{_client(job.context)} has released its devices after this statement had begun"
             )
@@ -299,11 +299,11 @@ class Motion:
     def set_absent(self, device: Hashable, reason: str) -> None:
         """Say why writes to a device (None for all) do not act from now on; "" when they act again."""
         if reason:
-            self._world.scheduler.epoch += 1
-            self.absent.setdefault(device, (reason, self._world.scheduler.epoch))
+            self._world.scheduler.era += 1
+            self.absent.setdefault(device, (reason, self._world.scheduler.era))
         else:
             back, _ = self.absent.pop(device, ("", 0))
-            self._told = [(lease, told) for lease, told in self._told if told != back]
+            self._told = [(lobby, told) for lobby, told in self._told if told != back]
         self.absences += 1
 
     def is_absent(self, device: Hashable) -> bool:
@@ -322,28 +322,28 @@ class Motion:
         """
         reason, mark = self.absent.get(None) or self.absent.get(device, ("", 0))
         job = self._world.scheduler.current
-        if not reason or job is None or job.epoch < mark or self.in_movement:
+        if not reason or job is None or job.era < mark or self.in_movement:
             return
-        if not any(lease is origin.lease and told == reason for lease, told in self._told):
+        if not any(lobby is origin.lobby and told == reason for lobby, told in self._told):
             present = [each for each in self._told if getattr(each[0], "connected", True)]
-            self._told = [*present, (origin.lease, reason)]
+            self._told = [*present, (origin.lobby, reason)]
             origin.warn(reason)
 
     def warn(self, origin: Origin, text: str) -> None:
         """Warn the client that wrote, with the same text at most every WARNING_PERIOD_S seconds."""
         now = self.now()
         self._warnings = [each for each in self._warnings if now - each[2] < WARNING_PERIOD_S]
-        if not any(lease is origin.lease and text == told for lease, told, _ in self._warnings):
-            self._warnings.append((origin.lease, text, now))
+        if not any(lobby is origin.lobby and text == told for lobby, told, _ in self._warnings):
+            self._warnings.append((origin.lobby, text, now))
             origin.warn(text)
 
     def warn_of_limit(self, limit: str, origin: Origin) -> None:
         """Warn the client that wrote of a limit of the settings, once of each: a trajectory meets it at each step."""
-        if origin.lease is not None and not any(
-            lease is origin.lease and limit == told for lease, told in self._limits_told
+        if origin.lobby is not None and not any(
+            lobby is origin.lobby and limit == told for lobby, told in self._limits_told
         ):
             present = [each for each in self._limits_told if getattr(each[0], "connected", True)]
-            self._limits_told = [*present, (origin.lease, limit)]
+            self._limits_told = [*present, (origin.lobby, limit)]
             origin.warn(f"limited by {limit}")
 
     # ---------------------------------------------------------------- movements
@@ -382,7 +382,7 @@ class Motion:
         return job is not None and any(entry.tag in tags for entry in job.entries)
 
     def since(self, device: Hashable) -> int:
-        """The lowest ``Job.epoch`` of a statement that may move a device."""
+        """The lowest ``Job.era`` of a statement that may move a device."""
         return max(self._mark, self._ended.get(device, (0, ""))[0])
 
     def check_device(self, device: Hashable) -> None:
@@ -394,14 +394,14 @@ class Motion:
             raise errors.MovementRefused(f"{device} is held by {self.held[device]}")
         job = self._world.scheduler.current
         mark, reason = self._ended.get(device, (0, ""))
-        if job is not None and job.epoch < mark:
+        if job is not None and job.era < mark:
             raise errors.MovementStopped(f"the movement of {device} is over: {reason}")
 
     def is_live(self, origin: Origin, device: Hashable = None) -> bool:
         """Whether a request with this origin may still move the robot, or the given device of it."""
         if origin.epoch != self.epoch or self.latched or not self._lease_lasts(origin):
             return False
-        if origin.mark < getattr(origin.lease, "released_at", 0):
+        if origin.mark < getattr(origin.lobby, "released_at", 0):
             return False
         return device not in self._ended or origin.mark >= self._ended[device][0]
 
@@ -412,10 +412,10 @@ class Motion:
     def own(self) -> Origin:
         """The origin of movements that the robot starts by itself."""
         scheduler = self._world.scheduler
-        return Origin(self.epoch, ROBOT, "", no_stack, scheduler.clock.now(), None, scheduler.epoch)
+        return Origin(self.epoch, ROBOT, "", no_stack, scheduler.clock.now(), None, scheduler.era)
 
     def _lease_lasts(self, origin: Origin) -> bool:
-        return self.keep or origin.lease is None or bool(getattr(origin.lease, "in_command", True))
+        return self.keep or origin.lobby is None or bool(getattr(origin.lobby, "in_command", True))
 
     def origin(self) -> Origin:
         """The origin of a write at this moment."""
@@ -424,31 +424,31 @@ class Motion:
             return self.own()
         scheduler = self._world.scheduler
         client, now = _client(job.context), scheduler.clock.now()
-        return Origin(self.epoch, client, _tag(job), later_stack(), now, job.context, scheduler.epoch)
+        return Origin(self.epoch, client, _tag(job), later_stack(), now, job.context, scheduler.era)
 
     # ---------------------------------------------------------------- leases
 
-    def _client_gone(self, lease: Any) -> None:
-        if self._unarmed.pop(lease, ""):
+    def _client_gone(self, lobby: Any) -> None:
+        if self._unarmed.pop(lobby, ""):
             self.on_unarmed()
         if not self.keep:
-            self._end_of_lease(lease, f"the connection of {_client(lease)} is closed, which moved it")
+            self._end_of_lease(lobby, f"the connection of {_client(lobby)} is closed, which moved it")
 
-    def _client_lets_go(self, lease: Any) -> None:
-        self._end_of_lease(lease, f"{_client(lease)} {getattr(lease, 'silence', '') or 'has released it'}")
+    def _client_lets_go(self, lobby: Any) -> None:
+        self._end_of_lease(lobby, f"{_client(lobby)} {getattr(lobby, 'silence', '') or 'has released it'}")
 
-    def _end_of_lease(self, lease: Any, reason: str) -> None:
-        devices = tuple(device for device, origin in self._moved_by.items() if origin.lease is lease)
+    def _end_of_lease(self, lobby: Any, reason: str) -> None:
+        devices = tuple(device for device, origin in self._moved_by.items() if origin.lobby is lobby)
         if devices:
             for device in devices:
                 del self._moved_by[device]
             self.stops += 1
-            self._release(devices, reason)
+            self._stop_devices(devices, reason)
 
 
-def _client(lease: Any) -> str:
+def _client(lobby: Any) -> str:
     """The name of a client."""
-    return str(getattr(lease, "title", ROBOT))
+    return str(getattr(lobby, "title", ROBOT))
 
 
 def _tag(job: Job) -> str:

@@ -84,7 +84,7 @@ class RemoteConnection:
         self.objects[name] = face
         self.registry.owners[face] = self
         if self.lobby.ordered is None:
-            self.lobby.ordered = self.world.scheduler.epoch
+            self.lobby.ordered = self.world.scheduler.era
         self._ended.pop(name, None)
 
     def claim(self, target: Obj, name: str) -> None:

@@ -120,8 +120,8 @@ class NxtCommand(UObject):
         return number
 
     def _origin(self, body: bytes) -> Origin | None:
-        """Return the origin of a command that runs motors; it gets the lease on them.  Raises as ``admit``."""
-        origin = None
+        """Return the origin of a command that moves something or sounds; it gets the lease.  Raises as ``admit``."""
+        origin = self.brick.motion.admit(BRICK) if body[:1] in p.MOVING_OPCODES else None
         for port in sorted(p.outputs_of(b"\x00" + body)):
             origin = self.brick.motion.admit(port)
             if (device := self.brick.ports.get(port)) is not None:

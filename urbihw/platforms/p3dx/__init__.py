@@ -7,4 +7,6 @@ in the worker: ``handshake``, ``setpoint`` and ``driver``;
 in SI units: ``arcos`` and ``robot`` (the object ``P3dx``), ``devices`` (what it consists of), ``navigation`` (odometry,
 laser and planner, which are those of ``urbihw.navigation``), ``p3dx.u`` (the tree of components).
 Imports ``urbihw.kernel.uobject``, ``urbihw.buses``, ``urbihw.navigation`` and what all platforms share only.
+
+``gripper`` and ``gyro`` are accessories.
 """

@@ -6,4 +6,6 @@ state of the base, from its frames), ``orders`` (configurations and their confir
 worker: a command every tick), ``rmp`` (the class RMP of the manual), ``robot`` (the object ``segway``), ``usegway.u``
 (counts per metre), ``rmp.u`` (the standard robot API).  Imports ``urbihw.kernel.uobject``, ``urbihw.buses`` and the
 shared modules of ``urbihw.platforms``.
+
+``bases`` (one, or two halves as one), ``channels`` (two wires to one base), ``navigation``.
 """

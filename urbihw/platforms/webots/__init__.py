@@ -5,4 +5,8 @@ its two back ends ``mujoco_world`` (with ``mujoco_motors`` and ``mujoco_sensors`
 urls), ``driver`` (in the worker's process: steps and orders), ``robot`` (the object ``webots``, and the time of the
 programs), ``motors``, ``sensors``, ``media``, ``supervisor`` (the classes of the manual), ``webots.u`` (their
 constructors); then ``worlds``.  Nothing else imports mujoco or the package of Webots.
+
+Beside them: ``surface`` (what devices see of the simulation), ``scene`` (its film), ``blobs`` and ``mujoco_light`` (two
+sensors), ``model_check`` and ``model_trial`` (models tried in a process of their own), ``controller_process`` (a robot
+of Webots, likewise).
 """

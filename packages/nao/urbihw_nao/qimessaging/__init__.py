@@ -11,4 +11,7 @@ the wire.
 
 Objects of ours, called by others: ``serving`` (what they offer), ``visitors`` (connections that others make to us),
 ``hosting`` (their registration in the robot's directory).
+
+Beside them: ``metatype`` (signatures of the protocol), ``checked``, ``call_limits`` and ``login_guard`` (bounds for the
+other side), ``trace``.
 """
