@@ -83,8 +83,9 @@ class Group:
         """Take the place where the owner was out of the traceback of a child's error: the child was not called from
         there.
         """
-        if self._failed is not None and self._failed[0] is error:
-            error.__traceback__ = self._failed[1]
+        failed, self._failed = self._failed, None
+        if failed is not None and failed[0] is error:
+            error.__traceback__ = failed[1]
 
     def _abandon_for(self, error: BaseException) -> None:
         """Call ``abandon`` because the block is left by ``error``; errors thrown meanwhile do not replace ``error``."""

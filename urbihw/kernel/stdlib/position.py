@@ -45,7 +45,7 @@ def init(world: World, this: PositionObject, *args: Value) -> None:
         *name, line, column = args
         this.line = integer(world, line, len(args) - 1, "new")
         this.column = integer(world, column, len(args), "new")
-        this.file = world.text(name[0]) if name else None
+        this.file = world.text(name[0]) if name and name[0] is not world.nil else None
 
 
 @GLOBAL.primitive("__HERE__")
