@@ -201,7 +201,7 @@ def test_a_film_of_a_script_is_the_same_each_time(tmp_path: Path) -> None:
         if "no OpenGL" in done.stderr:
             pytest.skip("no OpenGL here")
         assert done.returncode == 0, done.stderr
-        assert done.stdout == f"{film}: 12 pictures\n"
+        assert done.stdout == f"{film}: 15 pictures\n"
     assert films[0].read_bytes() == films[1].read_bytes()
 
 
@@ -212,5 +212,5 @@ def test_a_film_of_a_script_with_a_mistake_is_none(tmp_path: Path) -> None:
     command = (sys.executable, "-m", "urbihw.cli.main", "film", str(script), "-o", str(tmp_path / "film.gif"),
                "--seconds", "1")  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 78 and not (tmp_path / "film.gif").exists()
-    assert "lookup failed: noSuchThing" in done.stderr and "Traceback" not in done.stderr
+    assert done.returncode == 70 and not (tmp_path / "film.gif").exists()
+    assert f"{script}:1.1-11: lookup failed: noSuchThing" in done.stderr and "Traceback" not in done.stderr

@@ -331,3 +331,9 @@ def test_objects_made_at_the_prompt() -> None:
     lab.say("wheel.speed = 30;", 0.1)
     assert lab.powers() == [30, 0, 0]
     assert lab.say("sonar.val; wheel.port; sonar.port; decibel.mode;") == '150\n"A"\n2\n"DB"'
+
+
+def test_a_battery_has_its_value_when_it_is_made() -> None:
+    lab = Lab.ready()
+    lab.run(0.2)
+    assert 0 < float(lab.say("Battery.new().val;")) <= 1

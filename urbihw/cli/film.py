@@ -8,6 +8,7 @@ is filmed in real time.
 from __future__ import annotations
 
 import argparse
+import bisect
 import math
 import os
 import subprocess
@@ -23,16 +24,25 @@ from urbihw.extras import install_command
 from urbihw.platforms.scene.library import NoMujoco, import_mujoco
 from urbihw.platforms.scene.painting import NoPictures, Painter, ViewPoint
 from urbihw.platforms.scene.recording import COMPILED, BadRecording, SceneRecording
+from urbihw.platforms.scene.state import time_of
+from urbihw.settings import one_line
 
 FORMATS: Final = (".webp", ".gif", ".png")
 QUALITY: Final = 60
 """Quality of WebP, 1 to 100."""
 WIDTH, HEIGHT = 480, 360
+SEEN: Final = 24
+"""Levels of 255 by which a pixel must change to be seen."""
+STATES_PER_PICTURE: Final = 4
+"""States that are recorded for a picture: the one at its time is drawn."""
+MOST_STATES_HZ: Final = 100
 _PROGRAM: Final = """{fast}worldView.record({rate})|;
 var Global.filmProblem = nil|;
-{{ try {{ load("{script}") }} catch (var e) {{ filmProblem = e }} }},
+{{ try {{ load("{script}") }}
+  catch (var e if e.isA(Exception) && !e.isA(Exception.Syntax)) {{ filmProblem = "%s: %s" % [e.location, e.message] }}
+  catch (var e) {{ filmProblem = "%s" % [e] }} }},
 sleep({seconds})|;
-if (!filmProblem.isNil) throw filmProblem|;
+if (!filmProblem.isNil) File.save("{problem}", filmProblem)|;
 worldView.save("{out}")|;
 shutdown;
 """
@@ -88,11 +98,12 @@ def record(options: argparse.Namespace, folder: Path) -> SceneRecording:
     """Serve the world, run the script, and return the states.  Raises CliRefused."""
     if not options.script.is_file():
         raise CliRefused(f"{options.script}: there is no such file", EX_CONFIG)
-    out, program = folder / "states", folder / "film.u"
+    out, problem, program = folder / "states", folder / "problem", folder / "film.u"
     fast = 'webots.mode = "fast"|;\n' if options.platform == "webots" else ""
     program.write_text(_PROGRAM.format(
-        fast=fast, rate=repr(options.rate), script=_quoted(options.script.resolve()), seconds=repr(options.seconds),
-        out=_quoted(out),
+        fast=fast, rate=repr(min(STATES_PER_PICTURE * options.rate, MOST_STATES_HZ)),
+        script=_quoted(options.script.resolve()), seconds=repr(options.seconds), out=_quoted(out),
+        problem=_quoted(problem),
     ))  # fmt: skip
     robot = ["--fake", "--world", options.world] if options.fake else ["--url", options.url] if options.url else []
     command = (sys.executable, "-m", "urbihw.cli.main", "serve", "--platform", options.platform, *robot,
@@ -100,6 +111,8 @@ def record(options: argparse.Namespace, folder: Path) -> SceneRecording:
     root = str(Path(__file__).resolve().parents[2])
     path = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
     done = subprocess.run(command, check=False, env={**os.environ, "PYTHONPATH": path})
+    if problem.exists():
+        raise CliRefused(one_line(problem.read_text("utf-8", "replace")), EX_RUNTIME)
     if done.returncode or not out.exists():
         raise CliRefused("there is no film: see the lines above", done.returncode or EX_RUNTIME)
     try:
@@ -128,13 +141,34 @@ def draw(recording: SceneRecording, options: argparse.Namespace, folder: Path) -
     except NoPictures as error:
         raise CliRefused(str(error), EX_CONFIG) from error
     try:
-        return _write(_pictures(painter, recording.states, view), options.output, recording.period)
+        return _write(_pictures(painter, chosen(recording, options.rate), view), options.output, options.rate)
     except ValueError as error:
         raise CliRefused(str(error), EX_CONFIG) from error
     except OSError as error:
         raise CliRefused(f"{options.output} cannot be written: {error.strerror or error}", EX_CONFIG) from error
     finally:
         painter.close()
+
+
+def chosen(recording: SceneRecording, rate: float) -> list[bytes]:
+    """The states that are drawn, ``rate`` of them in a second: of those that were recorded the nearest to each time.
+
+    Raises ValueError if the simulation has not so many.
+    """
+    states = recording.states
+    if len(states) < 2:
+        return states
+    if recording.period > 1.001 / rate:
+        raise ValueError(f"the simulation gives {1 / recording.period:.3g} states a second: --rate is at most that")
+    times = [time_of(state) for state in states]
+    number = max(1, round((times[-1] - times[0]) * rate))
+    return [states[_nearest(times, times[0] + index / rate)] for index in range(number)]
+
+
+def _nearest(times: Sequence[float], time: float) -> int:
+    """The index of the time that is nearest, of rising ones."""
+    index = min(bisect.bisect(times, time), len(times) - 1)
+    return index - 1 if index and time - times[index - 1] <= times[index] - time else index
 
 
 def _pictures(painter: Painter, states: Sequence[bytes], view: ViewPoint) -> Iterator[Any]:
@@ -144,17 +178,20 @@ def _pictures(painter: Painter, states: Sequence[bytes], view: ViewPoint) -> Ite
         yield Image.fromarray(painter.draw(state, view))
 
 
-def _write(pictures: Iterator[Any], output: Path, period: float) -> int:
-    """Write a film with a picture every ``period`` s, or a folder of pictures; returns the number of pictures.
+def _write(pictures: Iterator[Any], output: Path, rate: float) -> int:
+    """Write a film with so many pictures a second, or a folder of pictures; returns the number of pictures.
 
     Raises ValueError, OSError.
     """
-    count = 0
+    count, changes = 0, False
+    begin: Any = None
 
     def counted() -> Iterator[Any]:
-        nonlocal count
+        nonlocal count, begin, changes
         for picture in pictures:
             count += 1
+            begin = begin or picture
+            changes = changes or _differ(begin, picture)
             yield picture
 
     frames = counted()
@@ -163,11 +200,23 @@ def _write(pictures: Iterator[Any], output: Path, period: float) -> int:
         for picture in frames:
             picture.save(output / f"{count:05}.png")
     elif (first := next(frames, None)) is not None:
-        first.save(output, save_all=True, append_images=frames, duration=round(1000 * period), loop=0, quality=QUALITY,
+        first.save(output, save_all=True, append_images=frames, duration=round(1000 / rate), loop=0, quality=QUALITY,
                    method=4)
     if not count:
         raise ValueError("the simulation gave no states: is the film too short?")
+    if count > 1 and not changes:
+        if output.suffix:
+            output.unlink()
+        raise ValueError(f"the film shows nothing: its {count} pictures are the same; does the script move anything?")
     return count
+
+
+def _differ(one: Any, other: Any) -> bool:
+    """Whether one sees that two pictures are not the same: some pixel differs by more than a settling world's noise."""
+    from PIL import ImageChops
+
+    most: float = ImageChops.difference(one, other).convert("L").getextrema()[1]  # type: ignore[assignment]
+    return most > SEEN
 
 
 def _quoted(path: Path) -> str:

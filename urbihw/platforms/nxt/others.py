@@ -41,7 +41,8 @@ class NxtBattery(Gauge):
         """``Battery.new``"""
         self.brick = brick_of(self)
         self.brick.gauges.append(self)
-        self.brick.channel.watch(BRICK, ("millivolts",), BATTERY_PACE)
+        if self.brick.measured is not None:
+            self.read(*self.brick.measured)
 
     def read(self, values: Mapping[str, Any], stamp: float) -> None:
         """Show the voltage and the estimated charge of the battery."""

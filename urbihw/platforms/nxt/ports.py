@@ -43,6 +43,8 @@ class Brick(WiredRobot):
 
     ports: Ports
     gauges: list[Gauge]
+    measured: tuple[Mapping[str, Any], float] | None = None
+    """What was measured in the brick itself last, and when; None before the first time."""
     volts: tuple[float, float]
     """The voltages of an empty and of a full battery."""
 

@@ -30,7 +30,7 @@ from urbihw.platforms.nxt import words
 from urbihw.platforms.nxt.motors import NxtServo
 from urbihw.platforms.nxt.navigation import NxtOdometry, NxtPlanner, NxtWheels
 from urbihw.platforms.nxt.options import TRACK, WHEEL_RADIUS, NxtOptions
-from urbihw.platforms.nxt.others import Beeper, NxtBattery, NxtCommand
+from urbihw.platforms.nxt.others import BATTERY_PACE, Beeper, NxtBattery, NxtCommand
 from urbihw.platforms.nxt.ports import Brick, PortDevice, Ports
 from urbihw.platforms.nxt.reading import BRICK
 from urbihw.platforms.nxt.sensors import (
@@ -93,6 +93,8 @@ class Nxt(Brick):
         self._set_options(settings.options)
         self.host.create(NxtCommand, "Command")
         super().open(settings, opened)
+        # A battery that a program makes later has a value at once.
+        self.channel.watch(BRICK, ("millivolts",), BATTERY_PACE)
 
     def configure(self, settings: RobotSettings) -> None:
         """Apply new options and settings; the layout is not run again."""
@@ -196,6 +198,7 @@ class Nxt(Brick):
                 if self._wheels is not None and "rotation" in values:
                     self._wheels.add_reading(place, values["rotation"], stamp)
             elif place == BRICK:
+                self.measured = values, stamp
                 for gauge in self.gauges:
                     gauge.read(values, stamp)
 
