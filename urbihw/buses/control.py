@@ -9,7 +9,7 @@ The file may be deleted under the worker, by somebody who cleans up: it is made 
 there is an abstract socket (``urbihw.control_address``), for the user of the worker and for root.
 
 Nothing here blocks: the engine calls `poll` between two transactions on the wire.  ``control_client`` has what a client
-says and is told; a slow client delays neither the worker nor the others.
+says and gets; a slow client delays neither the worker nor the others.
 """
 
 from __future__ import annotations
