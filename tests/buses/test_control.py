@@ -17,7 +17,8 @@ import pytest
 from urbihw.buses import messages as m
 from urbihw.buses.authority import MOST_HOLDERS
 from urbihw.buses.clock import BusRealClock
-from urbihw.buses.control import LOOK_PERIOD_S, MAX_CLIENTS, MAX_LINE_BYTES, MAX_QUEUED_LINES, REST_S, ControlSocket
+from urbihw.buses.control import LOOK_PERIOD_S, MAX_CLIENTS, REST_S, ControlSocket
+from urbihw.buses.control_client import MAX_LINE_BYTES, MAX_QUEUED_LINES
 from urbihw.buses.driver import driver_of
 from urbihw.buses.engine import Engine
 from urbihw.buses.errors import Unavailable

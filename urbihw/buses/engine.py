@@ -23,7 +23,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from urbihw.buses.authority import MotionAuthority
-from urbihw.buses.control import ESTOP, HEALTH, RELEASE, STATE, SUBSCRIBE, TRACE, VALUES, ControlSocket
+from urbihw.buses.control import ControlSocket
+from urbihw.buses.control_client import ESTOP, HEALTH, RELEASE, STATE, SUBSCRIBE, TRACE, VALUES
 from urbihw.buses.driver import Driver
 from urbihw.buses.errors import Unavailable
 from urbihw.buses.gate import Gate, ThresholdActions

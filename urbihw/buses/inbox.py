@@ -11,7 +11,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from urbihw.buses.clock import BusClock
-from urbihw.buses.control import ESTOP, RELEASE, STOP, ControlCommand, ControlSocket
+from urbihw.buses.control import ControlSocket
+from urbihw.buses.control_client import ESTOP, RELEASE, STOP, ControlCommand
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import EmergencyStop, Release, Stop, ToWorker
 

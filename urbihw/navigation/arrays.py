@@ -15,7 +15,6 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 Floats = NDArray[np.floating[Any]]
-Bools = NDArray[np.bool_]
 
 _NO_CELL = -9999
 """scipy's predecessor of a cell that cannot be reached."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 from urbihw_fakes.device import Answer, Device
@@ -157,9 +156,3 @@ class Nao(Device):
         self.body.hold_joints()
         self.memory.sonars.clear()
         self.video.subscribers.clear()
-
-
-def speeds_of(body: Body) -> tuple[float, ...]:
-    """The speed of each joint, rad/s, and of walking: how fast it goes (m/s), how fast it turns (rad/s)."""
-    rates = [joint.moves_at for joint in body.joints.values()]
-    return (*rates, math.hypot(*body.walk[:2]), body.walk[2])

@@ -2,7 +2,7 @@
 
 Reading order: `packet` and `status` (bytes only), `tables` (control tables as data), `units` (raw counts to SI),
 `transactions` and `bus` (ask and be answered), `scan` (who is there), `plan` and `health` (pure parts of the cycle),
-`cycle` (one tick after the other), `stop` (the safe stop), `driver` (what the worker runs).
+`cycle` (one tick after the other), `stop` (the safe stop), `driver` (what the worker runs), `access` (its requests).
 
 Beside them: `crc`, `line` (its speed), `item` (one register), `registers`, `eeprom` and `indirect` (how they are
 written), `answers` and `response_timeout` (waiting for one), `device` and `member` (one servo, found and in the cycle),

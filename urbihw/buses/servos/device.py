@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -98,3 +98,33 @@ class ServoScan:
 
     devices: tuple[ServoDevice, ...]
     conflicts: tuple[int, ...] = ()
+
+
+def describe_devices(devices: Iterable[DeviceInfo]) -> str:
+    """Return models, ids and firmware of the devices of a robot, in a few words."""
+    kinds: dict[tuple[str, int], list[int]] = {}
+    for info in devices:
+        kinds.setdefault((info.name, info.firmware), []).append(info.id)
+    return ", ".join(
+        f"{len(ids)} {name} (id {' '.join(map(str, sorted(ids)))}, firmware {firmware})"
+        for (name, firmware), ids in kinds.items()
+    )
+
+
+def same_kind(before: DeviceInfo | None, now: DeviceInfo) -> bool:
+    """Return whether a device has the model and the firmware that it had before."""
+    return before is not None and (before.model, before.firmware) == (now.model, now.firmware)
+
+
+def info_of(device: ServoDevice) -> DeviceInfo:
+    """Return the description of a device for the daemon."""
+    table, mode = device.table, device.mode
+    return DeviceInfo(
+        device.id,
+        device.model,
+        device.name,
+        table.name if table is not None and table.models else "",
+        device.firmware,
+        device.protocol,
+        "" if mode is None else mode.name,
+    )

@@ -12,7 +12,7 @@ from dataclasses import asdict
 from typing import Any
 
 from urbihw.buses.driver import Driver, no_stop
-from urbihw.buses.errors import BadValue, BusError, LinkGone
+from urbihw.buses.errors import BadValue
 from urbihw.buses.link import Port, byte_link
 from urbihw.buses.messages import (
     Configure,
@@ -28,30 +28,27 @@ from urbihw.buses.messages import (
     Watch,
 )
 from urbihw.buses.readings import Reading
+from urbihw.buses.servos.access import access_device, clear_watchdogs, has_fired, steps_of
 from urbihw.buses.servos.bodywatch import BodyWatch
 from urbihw.buses.servos.bus import ServoBus
 from urbihw.buses.servos.cycle import Cycle, Tick
-from urbihw.buses.servos.device import DeviceInfo, ServoDevice, ServoScan
-from urbihw.buses.servos.eeprom import write_register
-from urbihw.buses.servos.indirect import check_indirect
-from urbihw.buses.servos.item import ShaftMotion, is_place, magnitude_of, number_of
-from urbihw.buses.servos.member import FIRED, GOAL, WATCHDOG, WATCHDOG_COUNTS, Member
+from urbihw.buses.servos.device import DeviceInfo, ServoDevice, ServoScan, describe_devices, info_of, same_kind
+from urbihw.buses.servos.item import magnitude_of, number_of
+from urbihw.buses.servos.member import GOAL, WATCHDOG_COUNTS, Member
 from urbihw.buses.servos.options import ServoBusOptions
 from urbihw.buses.servos.plan import TORQUE
 from urbihw.buses.servos.readings import reading_of
-from urbihw.buses.servos.scan import ScanInterrupted, identify, scan
+from urbihw.buses.servos.scan import ScanInterrupted, scan
 from urbihw.buses.servos.stop import (
-    PRESENT_POSITION,
     StopPatrol,
     execute_pending_stops,
     full_stop,
     hold_here,
-    read_position_goal,
     safe_stop,
     stop_what_moves,
 )
 from urbihw.buses.servos.toss import enter_toss_mode, has_toss_speed, request_toss_mode
-from urbihw.buses.servos.unheld import check_line, explain_target, explain_writes, is_speed_after, leaves_place
+from urbihw.buses.servos.unheld import explain_target, explain_writes, is_speed_after, leaves_place
 from urbihw.buses.servos.units import unit_of
 
 # Seconds between scans of a bus without devices (robot switched off?); a scan writes nothing.
@@ -125,7 +122,7 @@ class ServoDriver(Driver):
         if self._known and 2 * len(outcome.devices) < len(self._known):
             # Another robot may have been plugged in.
             outcome = self._scan_bus(bus, self._ids)
-        self._identify_robot([_info_of(device) for device in outcome.devices])
+        self._identify_robot([info_of(device) for device in outcome.devices])
         gone = self._sort_out_guests(outcome)
         return [*gone, *self._start_cycle(bus, outcome, self._absent_devices(bus, outcome))]
 
@@ -163,7 +160,7 @@ class ServoDriver(Driver):
 
     def _identify_robot(self, found: list[DeviceInfo]) -> None:
         """Set `identity`: it stays while only known devices answer; servos have no serial numbers."""
-        if not all(_same_kind(self._told.get(info.id), info) for info in found) or (found and not self.identity):
+        if not all(same_kind(self._told.get(info.id), info) for info in found) or (found and not self.identity):
             self.identity = describe_devices(found)
 
     def detach(self) -> None:
@@ -189,14 +186,14 @@ class ServoDriver(Driver):
             # They stand and accept no goals. So long a silence on the bus counts as a stop of the whole robot.
             which = ", ".join(map(str, tick.fired))
             self.halted = f"servo {which} stopped by itself: it got no packet for {WATCHDOG_COUNTS * 0.02:g} s"
-            _clear_watchdogs(cycle, tick.fired)
+            clear_watchdogs(cycle, tick.fired)
         bodies = self._body.look(cycle.motors(), cycle.bus.clock.now())
         self.stopped_devices = bodies.stopped
         if bodies.slack:
             # It waits for no answer: one that is missing must not end the tick.
             safe_stop(cycle, torque_off=True, devices=bodies.slack)
         back = [number for number, change in tick.changes if change.new == "back"]
-        _clear_watchdogs(cycle, [number for number in back if _has_fired(cycle.members[number].device)])
+        clear_watchdogs(cycle, [number for number in back if has_fired(cycle.members[number].device)])
         found = self._newly_found(cycle, tick) + self._changed_devices(cycle, back)
         return found + _tick_messages(tick) + bodies.reports
 
@@ -235,7 +232,7 @@ class ServoDriver(Driver):
         if message.verb == "scan":
             found = self._rescan(self._cycle)
             return [*found, Reply(message.reply_id, True, len(self._known))]
-        return [Reply(message.reply_id, True, self._access_device(self._cycle, message))]
+        return [Reply(message.reply_id, True, access_device(self._cycle, message))]
 
     def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
         """Stop the robot, or some devices. Raises LinkGone."""
@@ -281,17 +278,17 @@ class ServoDriver(Driver):
         member = self._table_member(request.device)
         if member is None:
             return ""
-        return explain_writes(member, _steps_of(request), request.verb == "write", limits)
+        return explain_writes(member, steps_of(request), request.verb == "write", limits)
 
     def rests(self, request: Request, item: str, value: Any) -> bool:
         """A speed of 0 behind the writes that make a wheel of a joint; for a joint that is its full speed."""
         member = self._table_member(request.device)
-        return member is not None and not value and is_speed_after(member, _steps_of(request), item)
+        return member is not None and not value and is_speed_after(member, steps_of(request), item)
 
     def leaves_place(self, request: Request) -> bool:
         """Torque, mode, restart and the end of an effort of 0; until then its goal is where it was sent last."""
         member = self._table_member(request.device)
-        return request.verb == "reboot" or (member is not None and leaves_place(member, _steps_of(request)))
+        return request.verb == "reboot" or (member is not None and leaves_place(member, steps_of(request)))
 
     def limits_changed(self, limits: Mapping[tuple[Any, str], Limit]) -> None:
         """Judge the speed of bodies by them."""
@@ -388,7 +385,7 @@ class ServoDriver(Driver):
             change = cycle.members[device.id].health.declare_lost(now, _UNREAD if device.id in self._unread else _GONE)
             if change is not None:
                 messages.append(DeviceState(device.id, change.old, change.new, change.reason))
-        _clear_watchdogs(cycle, [device.id for device in outcome.devices if _has_fired(device)])
+        clear_watchdogs(cycle, [device.id for device in outcome.devices if has_fired(device)])
         for number in self._moved & cycle.members.keys():
             cycle.members[number].moved = True
         for (device_id, item), period in list(self._watches.items()):
@@ -412,15 +409,15 @@ class ServoDriver(Driver):
         """
         devices = [cycle.members[number].device for number in back]
         told = self._told
-        changed = [each for each in devices if each.id in told and not _same_kind(told[each.id], _info_of(each))]
+        changed = [each for each in devices if each.id in told and not same_kind(told[each.id], info_of(each))]
         for device in changed:
             before = told[device.id]
-            if before.family != _info_of(device).family:
+            if before.family != info_of(device).family:
                 self.halted = f"{device.name} answers to id {device.id}, not {before.name}"
         return [self._found(changed)] if changed else []
 
     def _found(self, devices: Iterable[ServoDevice]) -> Found:
-        infos = tuple(map(_info_of, devices))
+        infos = tuple(map(info_of, devices))
         self._told |= {info.id: info for info in infos}
         return Found(infos, self._conflicts)
 
@@ -470,130 +467,6 @@ class ServoDriver(Driver):
         self._known = {}
         gone = self._sort_out_guests(outcome)
         return [*gone, *self._start_cycle(cycle.bus, outcome, self._absent_devices(cycle.bus, outcome))]
-
-    def _access_device(self, cycle: Cycle, message: Request) -> Any:
-        bus = cycle.bus
-        member = cycle.member(message.device)
-        if message.verb == "ping":
-            member.update_device(identify(bus, message.device))
-            return member.device.model
-        if message.verb == "reboot":
-            if member.device.protocol != 2:
-                raise BadValue("only devices of protocol 2.0 can be rebooted; switch the power off and on")
-            bus.reboot(message.device)
-            member.drop_targets()
-            member.forget_place()
-            return 0
-        if message.verb == "write_all":
-            return tuple((name, _write(bus, member, name, value)) for name, value in message.value)
-        if message.verb == "write":
-            return _write(bus, member, message.item, message.value)
-        item = member.table.item(message.item)
-        value = item.unpack(bus.read(message.device, item.address, item.size))
-        if item.name in member.table.setup_items:
-            member.record_write(item.name, value, bus.clock.now())
-        return value
-
-
-def _steps_of(request: Request) -> tuple[tuple[str, Any], ...]:
-    """Return the writes of a request."""
-    if request.verb == "write_all":
-        return tuple(request.value)
-    return ((request.item, request.value),) if request.verb == "write" else ()
-
-
-def _has_fired(device: ServoDevice) -> bool:
-    return device.setup.get(WATCHDOG) == FIRED
-
-
-def _clear_watchdogs(cycle: Cycle, numbers: Iterable[int]) -> None:
-    """Clear the bus watchdog of servos that it has stopped, so that they accept goals again.  Raises LinkGone.
-
-    The data sheet does not say whether such a servo keeps its last goal, so in a turning mode 0 is written right after.
-    """
-    for number in numbers:
-        member = cycle.members[number]
-        mode = member.device.mode
-        try:
-            _write(cycle.bus, member, WATCHDOG, 0)
-            if mode is not None and mode.motion is ShaftMotion.RATE:
-                _write(cycle.bus, member, mode.effector, 0)
-        except LinkGone:
-            raise
-        except BusError:
-            # No answer: the cycle will declare it lost, and identify it again on its return.
-            continue
-
-
-def _write(bus: ServoBus, member: Member, name: str, wanted: Any) -> int:
-    """Write an item, and wait for the acknowledgement if the device sends one.
-
-    An AX servo whose goal lies outside the limits that it was just given executes the write but reports an error, and
-    an acknowledgement may get lost; so without an acknowledgement the register is read back. Raises as `bus.write`.
-    """
-    item = member.table.item(name)
-    if item.access != "RW":
-        raise BadValue(f"{item.name} of {member.table.name} can only be read")
-    if wanted == PRESENT_POSITION:
-        wanted = read_position_goal(bus, member)
-    value = int(wanted)
-    check_line(name, value)
-    if is_place(name):
-        check_indirect(bus, member, item, value)
-    if member.regains_force(name, value):
-        hold_here(bus, member)
-    if value and member.must_arm_watchdog(name):
-        _write(bus, member, WATCHDOG, WATCHDOG_COUNTS)
-    try:
-        write_register(bus, member.device, item, value)
-    except BusError as error:
-        if isinstance(error, LinkGone) or item.unpack(bus.read(member.device.id, item.address, item.size)) != value:
-            raise
-    member.record_write(item.name, value, bus.clock.now())
-    if name == TORQUE and value:
-        _read_goal(bus, member)
-    return value
-
-
-def _read_goal(bus: ServoBus, member: Member) -> None:
-    """Look up the goal that a servo has taken by itself with its torque: the error from it is what it carries."""
-    item = member.table.items.get(GOAL)
-    if item is None:
-        return
-    try:
-        member.written[GOAL] = member.goal = item.unpack(bus.read(member.device.id, item.address, item.size))
-    except LinkGone:
-        raise
-    except BusError:
-        return
-
-
-def describe_devices(devices: Iterable[DeviceInfo]) -> str:
-    """Return models, ids and firmware of the devices of a robot, in a few words."""
-    kinds: dict[tuple[str, int], list[int]] = {}
-    for info in devices:
-        kinds.setdefault((info.name, info.firmware), []).append(info.id)
-    return ", ".join(
-        f"{len(ids)} {name} (id {' '.join(map(str, sorted(ids)))}, firmware {firmware})"
-        for (name, firmware), ids in kinds.items()
-    )
-
-
-def _same_kind(before: DeviceInfo | None, now: DeviceInfo) -> bool:
-    return before is not None and (before.model, before.firmware) == (now.model, now.firmware)
-
-
-def _info_of(device: ServoDevice) -> DeviceInfo:
-    table, mode = device.table, device.mode
-    return DeviceInfo(
-        device.id,
-        device.model,
-        device.name,
-        table.name if table is not None and table.models else "",
-        device.firmware,
-        device.protocol,
-        "" if mode is None else mode.name,
-    )
 
 
 def _tick_messages(tick: Tick) -> list[FromWorker]:

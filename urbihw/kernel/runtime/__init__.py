@@ -10,6 +10,6 @@ compiler knows of them), ``ops`` with ``ops_slots``, ``ops_jobs`` and ``ops_asse
 Beside them: ``lookup`` and ``slot`` (inherited slots, and what a slot has beside its value), ``spelling``, ``convert``
 and ``binary``, ``matching`` (patterns), ``trajectory`` and ``blend`` (values over time), ``notifier`` (conditions that
 no job watches), ``record`` and ``redefinition`` (what programs changed of the library), ``holdings`` (sockets and
-processes of a connection), ``identifiers``, ``plain`` and ``unread`` (errors as text, and errors whose slots were not
-read yet), ``remains`` (large lists that end).
+processes of a connection), ``identifiers``, ``plain`` and ``unread`` (errors as text, and errors that no program has
+read), ``remains`` (large lists that end).
 """

@@ -44,7 +44,6 @@ from urbihw.settings import BadSetting
 
 ROBOT, SONAR = "robot", "sonar"
 FRONT, REAR = range(8), range(8, 16)
-DEFAULT_BUMPERS = 5
 _SIMULATORS = ("SIM", "MobileSim")
 
 
