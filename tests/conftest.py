@@ -77,8 +77,9 @@ MOST_DESCRIPTORS = 400
 if find_library("EGL"):
     # mujoco chooses how it renders when it is imported, by whatever test comes first.
     os.environ.setdefault("MUJOCO_GL", "egl")
-GC_THRESHOLDS = 30_000, 5, 5
-"""Python's own are 700, 10, 10; a kernel has about 60000 objects."""
+GC_THRESHOLDS = 30_000, 5, 3
+"""Python's own are 700, 10, 10.  A kernel has about 60000 objects, so a collection frees some ten of them.  Nothing is
+frozen: the long work of a kernel thaws all (`urbihw/kernel/sched/collector.py`)."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -111,16 +112,6 @@ def collect_descriptors() -> None:
     os.close(lowest_free)
     if lowest_free > MOST_DESCRIPTORS:
         gc.collect()
-
-
-def freeze_modules() -> None:
-    """Spare the collector what lives as long as the process: modules, and all tests.
-
-    To be called between two files, when there are no kernels.  Tests of long work thaw it.
-    """
-    if not gc.get_freeze_count():
-        gc.collect()
-        gc.freeze()
 
 
 class Closer:
@@ -160,13 +151,6 @@ class Closer:
                 kernel.close()
             self._made.clear()
             collect_descriptors()
-            if nextitem is not None and nextitem.path != item.path:
-                freeze_modules()
-
-    @pytest.hookimpl(trylast=True)
-    def pytest_collection_finish(self) -> None:
-        """All tests are known."""
-        freeze_modules()
 
 
 @pytest.hookimpl(optionalhook=True)

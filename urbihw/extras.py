@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterator
-from importlib.metadata import PackageNotFoundError, requires
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -62,6 +61,9 @@ def install_command(
 def required_packages(wheel: str = "urbihw") -> Iterator[Requirement]:
     """All packages that the metadata of an installed wheel name, in either of its spellings: ``lark<2,>=1.1.5`` and
     ``lark (<2,>=1.1.5)``."""
+    # Imported only now: it brings in email, zipfile and others, a sixth of what a worker imports.
+    from importlib.metadata import PackageNotFoundError, requires
+
     try:
         rows = requires(wheel) or []
     except PackageNotFoundError:

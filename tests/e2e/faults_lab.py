@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
+import starts
 from moving_robots import Look, Rig
 
 from urbihw_fakes.serving import Endpoint
@@ -120,7 +121,7 @@ class Daemon:
         config.write_text(f'control = "{self.control}"\n{settings}')
         self._log = (folder / "log").open("w+")
         command = (sys.executable, "-m", "urbihw.cli.main", "serve", "--platform", platform, "--url", url, "--quiet")
-        self.process = subprocess.Popen(
+        self.process = starts.Forked(
             (*command, "--port", "0", "--port-file", str(port_file), "--config", str(config)),
             cwd=ROOT, stdin=subprocess.DEVNULL, stderr=self._log,
         )  # fmt: skip

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+import starts
 
 TIMEOUT_S = 60.0
 """Seconds after which anything has failed; a busy machine may need some."""
@@ -82,7 +83,7 @@ class Server:
         port_file = folder / "port"
         self._log = (folder / "log").open("w+")
         command = (sys.executable, "-m", "urbihw.cli.urbi", "--quiet", "--port", "0", "--port-file", str(port_file))
-        self.process = subprocess.Popen((*command, *arguments), stdin=subprocess.DEVNULL, stderr=self._log)
+        self.process = starts.Forked((*command, *arguments), stdin=subprocess.DEVNULL, stderr=self._log)
         if descriptors is not None:
             resource.prlimit(self.process.pid, resource.RLIMIT_NOFILE, (descriptors, descriptors))
         self._clients: list[Client] = []

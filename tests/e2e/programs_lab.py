@@ -16,6 +16,8 @@ import termios
 import time
 from pathlib import Path
 
+import starts
+
 TIMEOUT_S = 60.0
 
 _CONTROL = re.compile(r"\x1b(?:\[[0-9;?]*[ -/]*[@-~]|[=>()][0-9A-Z]?|\][^\x07]*\x07)")
@@ -31,7 +33,7 @@ def run(
     name: str, *arguments: str, stdin: str = "", cwd: Path | None = None, **environment: str
 ) -> tuple[int, str, str]:
     """A program that ends by itself: exit code, standard output, standard error."""
-    done = subprocess.run(module(name, *arguments), input=stdin, capture_output=True, text=True, timeout=TIMEOUT_S,
+    done = starts.run(module(name, *arguments), input=stdin, capture_output=True, text=True, timeout=TIMEOUT_S,
                           cwd=cwd, env={**os.environ, **environment})
     assert "Traceback" not in done.stderr, done.stderr
     return done.returncode, done.stdout, done.stderr
@@ -44,7 +46,7 @@ class Terminal:
         self._end, side = pty.openpty()
         fcntl.ioctl(side, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 100, 0, 0))
         first = termios.tcgetattr(side)
-        self.process = subprocess.Popen(
+        self.process = starts.Forked(
             module(name, *arguments), stdin=side, stdout=side, stderr=side, cwd=cwd, start_new_session=True,
             env={**os.environ, "TERM": "xterm-256color", **environment},
         )
@@ -119,7 +121,7 @@ class Server:
         port_file.unlink(missing_ok=True)
         self.port_file = str(port_file)
         self._log = (folder / "log").open("w+")
-        self.process = subprocess.Popen(
+        self.process = starts.Forked(
             module("urbi", "--quiet", f"--port={port}", f"--port-file={port_file}", *arguments),
             stdin=subprocess.DEVNULL, stdout=self._log, stderr=self._log, cwd=folder, env={**os.environ, **environment},
         )

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+import starts
 
 from urbihw.buses.servos import calibration
 
@@ -35,7 +36,7 @@ class Robot:
 
     def __init__(self, path: Path) -> None:
         servos = ",".join(["AX-12:1"] * SPARE)
-        self._process = subprocess.Popen(
+        self._process = starts.Forked(
             [sys.executable, "-m", "urbihw_fakes", "bioloid", "--pty", str(path), "--follow-baud", "--servos", servos,
              "--until-eof"],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT / "fakes",

@@ -22,6 +22,7 @@ from urbihw_fakes.bioloid import Bioloid
 from urbihw_fakes.endpoint import PtyEndpoint
 
 from test_serve import TIMEOUT_S, URBIHW, Client, Daemon, until  # isort: skip
+import starts
 
 pytestmark = pytest.mark.e2e
 
@@ -51,7 +52,7 @@ class Site:
 
     def urbihw(self, *arguments: str) -> tuple[int, str]:
         """What a command ends with, and the one line that it says."""
-        done = subprocess.run((*URBIHW, *arguments), capture_output=True, text=True, timeout=TIMEOUT_S)
+        done = starts.run((*URBIHW, *arguments), capture_output=True, text=True, timeout=TIMEOUT_S)
         lines = (done.stdout + done.stderr).splitlines()
         assert len(lines) == 1, lines
         return done.returncode, lines[0]

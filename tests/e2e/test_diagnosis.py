@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import starts
 
 from urbihw.cli.tracing import open_traffic
 
@@ -25,7 +26,7 @@ class Served:
         self.environment = {**os.environ, "XDG_RUNTIME_DIR": str(folder)}
         self._port_file = folder / "port"
         words = ("serve", "--platform", "bioloid", "--fake", "--port", "0", "--port-file", str(self._port_file))
-        self._daemon = subprocess.Popen(
+        self._daemon = starts.Forked(
             (sys.executable, "-m", "urbihw.cli.main", *words), env=self.environment, stderr=subprocess.DEVNULL
         )
         end = time.monotonic() + TIMEOUT_S
@@ -43,7 +44,7 @@ class Served:
             return traffic.about
 
     def command(self, *words: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
+        return starts.run(
             (sys.executable, "-m", "urbihw.cli.main", *words), env=self.environment, capture_output=True, text=True,
             timeout=TIMEOUT_S,
         )  # fmt: skip

@@ -24,6 +24,7 @@ from faults_lab import Watcher, wait_for
 from moving_robots import RIGS, Rig
 
 from test_serve import TIMEOUT_S, URBIHW, Daemon  # isort: skip
+import starts
 
 pytestmark = pytest.mark.e2e
 
@@ -115,7 +116,7 @@ async def scene(folder: Path, rig: Rig, *roles: str, remote: bool = False) -> As
     port_file = folder / "panel-port"
     environment = {**os.environ, "XDG_STATE_HOME": str(folder), "STATE_DIRECTORY": ""}
     control = () if remote else ("--control", str(made.control))
-    panel = made.panel = subprocess.Popen(
+    panel = made.panel = starts.Forked(
         (*URBIHW, "panel", f"127.0.0.1:{made.daemon.port}", "--port", "0", "--port-file", str(port_file),
          *control), env=environment, stdin=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
     )  # fmt: skip
@@ -128,7 +129,7 @@ async def scene(folder: Path, rig: Rig, *roles: str, remote: bool = False) -> As
         async with aiohttp.ClientSession() as http:
             for role in roles:
                 pair = (sys.executable, *URBIHW[1:], "panel", "pair", "--port", str(port), "--role", role)
-                url = subprocess.run(pair, env=environment, capture_output=True, text=True, check=True).stdout.strip()
+                url = starts.run(pair, env=environment, capture_output=True, text=True, check=True).stdout.strip()
                 async with http.get(url, allow_redirects=False) as answer:
                     cookie = answer.headers["Set-Cookie"].partition(";")[0]
                 made.cookies.append(cookie)

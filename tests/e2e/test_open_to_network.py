@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import starts
 from programs_lab import TIMEOUT_S, Terminal, run
 
 from urbihw.kernel.server.tcp import WANTS_TLS
@@ -61,7 +62,7 @@ class Robot:
         file.write_text(f'host = "0.0.0.0"\n{settings}')
         port_file.unlink(missing_ok=True)
         with self._log.open("w") as log:
-            self.process = subprocess.Popen(
+            self.process = starts.Forked(
                 (*URBIHW, "serve", "--platform", "bioloid", "--fake", "--config", str(file), "--port", "0",
                  "--port-file", str(port_file)),
                 stdin=subprocess.DEVNULL, stdout=log, stderr=log, env={**os.environ, **self.environment},

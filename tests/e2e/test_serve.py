@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+import starts
 
 from urbihw_fakes.bioloid import Bioloid
 from urbihw_fakes.dynamixel.ax12 import Ax12
@@ -85,7 +86,7 @@ class Daemon:
         self._port_file = folder / "port"
         self._log = (folder / "log").open("w+")
         self._clients: list[Client] = []
-        self.process = subprocess.Popen(
+        self.process = starts.Forked(
             (*URBIHW, "serve", "--platform", "bioloid", "--port", "0", "--port-file", str(self._port_file), *arguments),
             stdin=subprocess.DEVNULL,
             stderr=self._log,
@@ -334,11 +335,10 @@ def test_systemd_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
 
 def refused(*arguments: str) -> str:
     """The one line with which ``urbihw serve`` refuses to start."""
-    done = subprocess.run((*URBIHW, "serve", *arguments), capture_output=True, text=True, timeout=TIMEOUT_S)
+    done = starts.run((*URBIHW, "serve", *arguments), capture_output=True, text=True, timeout=TIMEOUT_S)
     assert done.returncode == 78
-    lines = done.stderr.splitlines()
-    assert len(lines) == 1
-    return lines[0]
+    (line,) = str(done.stderr).splitlines()
+    return line
 
 
 @pytest.mark.long

@@ -8,13 +8,13 @@ import array
 import contextlib
 import io
 import math
-import subprocess
 import sys
 import wave
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import starts
 from test_serve import Daemon, until
 
 from urbihw_fakes.spykee.device import Spykee
@@ -37,7 +37,7 @@ class Place:
     def tool(self, module: str, *options: str) -> tuple[int, bytes, str]:
         """Run a tool to its end: its exit code, standard output and standard error."""
         command = (sys.executable, "-m", f"urbihw.cli.{module}", "-H", "127.0.0.1", "-P", str(self.daemon.port))
-        done = subprocess.run((*command, *options), capture_output=True, check=False, timeout=TIMEOUT_S)
+        done = starts.run((*command, *options), capture_output=True, check=False, timeout=TIMEOUT_S)
         return done.returncode, done.stdout, done.stderr.decode()
 
     def send_sound(self, folder: Path, keywords: str, data: bytes) -> str:

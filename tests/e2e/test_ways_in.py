@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import starts
 
 pytestmark = pytest.mark.e2e
 
@@ -37,7 +38,7 @@ class Daemon:
         environment = {**os.environ, "XDG_RUNTIME_DIR": str(self.folder)}
         self.folder.mkdir(mode=0o700)
         with self.log.open("w") as log:
-            self.process = subprocess.Popen(
+            self.process = starts.Forked(
                 (sys.executable, "-m", "urbihw.cli.main", "serve", "--config", str(file)),
                 stdin=subprocess.DEVNULL,
                 stderr=log,

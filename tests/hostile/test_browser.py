@@ -1,6 +1,6 @@
 """A page in a real browser on the same machine tries all that a page can to reach the port: nothing of it runs.
 
-Needs Chromium (``apt install chromium``); skipped where there is none.
+Needs Chromium (``apt install chromium-headless-shell``); skipped where there is none.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ import pytest
 
 pytestmark = pytest.mark.e2e
 
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+NAMES = "chromium-headless-shell", "chromium", "chromium-browser", "google-chrome"
+BROWSER = next(filter(None, map(shutil.which, NAMES)), None)
 FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-extensions",
          "--disable-background-networking", "--disable-component-update", "--disable-sync", "--disable-dev-shm-usage",
          "--disable-default-apps", "--no-proxy-server", "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1")
@@ -143,7 +144,7 @@ class Recorder:
         self._listener.close()
 
 
-needs_browser = pytest.mark.skipif(BROWSER is None, reason="there is no Chromium here: apt install chromium")
+needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium here: apt install chromium-headless-shell")
 
 
 @needs_browser
