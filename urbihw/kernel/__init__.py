@@ -5,7 +5,8 @@ Reading order: ``syntax`` (text to nodes), ``compiler`` (nodes to Python), ``sch
 ``library`` (what other libraries import), ``process`` (signals, ports and the end of a process that has a kernel).
 
 ``facade`` is where ``Kernel`` is defined. Beside them: ``value`` (what urbiscript passes around), ``errors``,
-``stages`` (what the commands show of the compiler), ``uremote`` (devices in other processes).
+``recursion`` (the limit of calls), ``stages`` (what the commands show of the compiler), ``uremote`` (devices in other
+processes).
 """
 
 from urbihw.kernel.facade import Kernel

@@ -6,5 +6,6 @@ jobs), ``templates`` (statements that differ in their literals only), ``program_
 does not depend on sockets.
 
 Beside them: ``statements`` (run for a program), ``connection_tag``, ``lease`` (silent clients), ``long_work`` (long
-programs), ``server_log`` and ``host_process`` (what ``System`` shows).
+programs), ``server_log`` and ``host_process`` (what ``System`` shows), ``advice`` (what to write
+instead of a frequent mistake).
 """

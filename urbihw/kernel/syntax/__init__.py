@@ -15,5 +15,6 @@ are what
 - ``check``: the syntax errors that the grammar does not detect.
 - ``pace``: lets long work, here and in the compiler, yield to other jobs.
 - ``printer``: nodes to urbiscript, as the server shows functions and failed assertions.
-- ``hints``: likely causes of a syntax error; ``cache_folder``: tables and code kept from one start to the next.
+- ``chains`` divides long rows of writes; ``hints`` and ``advice``: likely causes of a syntax error, and what to write;
+  ``cache_folder``: tables and code kept from one start to the next.
 """
