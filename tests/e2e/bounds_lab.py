@@ -18,10 +18,12 @@ from faults_lab import Client, Daemon, Watcher, wait_for
 from moving_robots import Look
 
 from urbihw_fakes.bioloid import Bioloid
+from urbihw_fakes.chain.parts import chain_of
 from urbihw_fakes.dynamixel.ax12 import DEGREES
 from urbihw_fakes.dynamixel.xseries import XSeries
 from urbihw_fakes.dynamixel.xtables import STEPS
 from urbihw_fakes.endpoint import PtyEndpoint
+from urbihw_fakes.feetech.servo import FeetechServo
 from urbihw_fakes.serving import Endpoint
 
 _HOLDS = "{var t = time| while| (time < t + 0.8) {}},"
@@ -39,15 +41,20 @@ class Body:
 
 @dataclass(frozen=True)
 class ServoRig:
-    """A kit with one servo, number 1."""
+    """A kit with one servo, number 1; ``wheel`` makes it a wheel."""
 
     name: str
     make: Callable[[], Body]
+    platform: str = "bioloid"
+    wheel: str = "motor1.cwLimit = motor1.ccwLimit = 0;"
 
 
 @dataclass(frozen=True)
 class BoundCase:
-    """A joint or a wheel under way: what is said, what happens, and the speed in rad/s that it may have."""
+    """A joint or a wheel under way: what is said, what happens, and the speed in rad/s that it may have.
+
+    ``WHEEL;`` and ``ROBOT`` in what is said stand for words of the robot.
+    """
 
     name: str
     go: str
@@ -95,6 +102,23 @@ def _x() -> Body:
         servo.motor.position += way / math.tau * STEPS
 
     return Body(end, look, lambda held: setattr(servo.motor, "held", held), turn)
+
+
+def _sts() -> Body:
+    kit = chain_of("STS3215:1")
+    unit = kit[1]
+    assert isinstance(unit, FeetechServo)
+    unit.set_baud(1_000_000)
+    end, motor = PtyEndpoint(kit), unit.motor
+
+    def look() -> float:
+        kit.tick(end.clock())
+        return abs(motor.speed) * math.tau / unit.steps
+
+    def turn(way: float) -> None:
+        motor.turn(way / math.tau * unit.steps)
+
+    return Body(end, look, lambda held: setattr(motor, "held", held), turn)
 
 
 def _let_go(bench: Bench) -> None:
@@ -145,15 +169,17 @@ def _reload(bench: Bench) -> None:
     time.sleep(1.0)
 
 
-BOUND_RIGS = (ServoRig("AX-12", _ax), ServoRig("XL430", _x))
-_WHEEL = "motor1.cwLimit = motor1.ccwLimit = 0; sleep(0.5s); motor1.speed = 4;"
+BOUND_RIGS = (
+    ServoRig("AX-12", _ax), ServoRig("XL430", _x), ServoRig("STS3215", _sts, "chain", 'motor1.mode = "wheel";'),
+)  # fmt: skip
+_WHEEL = "WHEEL; sleep(0.5s); motor1.speed = 4;"
 _STAND = "motor1.val = 0.2; sleep(0.8s);"
 _LIMIT = '[limits]\nspeed = 1.0\n[options]\noverspeed = "tell"\n'
 BOUND_CASES = (
     BoundCase("held joint let go, limit of 1 rad/s", "motor1.val = 0.9;", 1.0, _let_go, _LIMIT),
     BoundCase("held joint let go, `speed:0.5`", "motor1.val = 0.9 speed:0.5,", 0.5, _let_go),
     BoundCase("standing joint turned by hand and let go, limit of 1 rad/s", _STAND, 1.0, _turn_away, _LIMIT),
-    BoundCase("the same, while an emergency stop holds", f"{_STAND} bioloid.estop = true;", 0.0, _turn_away, _LIMIT),
+    BoundCase("the same, while an emergency stop holds", f"{_STAND} ROBOT.estop = true;", 0.0, _turn_away, _LIMIT),
     BoundCase("neighbour holds the interpreter 0.8 s, `speed:0.5`", "motor1.val = 1.5 speed:0.5,", 0.5, _neighbour),
     BoundCase("neighbour holds the interpreter 0.8 s, `smooth:4s`", "motor1.val = 1.5 smooth:4s,", 0.59, _neighbour),
     BoundCase("limits reloaded: 1 rad/s for a wheel at 4", _WHEEL, 1.0, _reload),
@@ -167,7 +193,7 @@ def measure_peak(rig: ServoRig, case: BoundCase) -> float:
         stack.enter_context(body.end)
         body.end.start()
         folder = Path(name)
-        daemon = Daemon(folder, "bioloid", body.end.url, case.limits)
+        daemon = Daemon(folder, rig.platform, body.end.url, case.limits)
         stack.callback(daemon.close)
         client = Client(daemon.port)
         stack.callback(client.close)
@@ -175,5 +201,6 @@ def measure_peak(rig: ServoRig, case: BoundCase) -> float:
         client.wait("ready")
         watcher = Watcher(body.end, body.look)
         stack.callback(watcher.close)
-        case.happens(Bench(folder, body, daemon, client, watcher, case.go))
+        go = case.go.replace("WHEEL;", rig.wheel).replace("ROBOT", rig.platform)
+        case.happens(Bench(folder, body, daemon, client, watcher, go))
         return watcher.peak(0.0)

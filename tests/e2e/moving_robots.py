@@ -44,7 +44,8 @@ class Rig:
         prepare: what is said before, and until what holds; go: what sets it moving, faster than ``moving``.
         rest: the speed below which it stands.
         live: a movement that goes on by itself, also when the adapter is back.
-        other: how another master than the daemon moves the simulated robot, None where the daemon has the only wire.
+        other: how another master than the daemon moves the simulated robot, None where the daemon has the only wire, or
+            where its own orders follow each of theirs (Segway).
     """
 
     name: str
@@ -150,6 +151,13 @@ def _start_program(device: Any) -> None:
     device.robot.brick.start_program("drive.rxe")
 
 
+def _turn_drive(device: Any) -> None:
+    machine = device.node.machine
+    machine.mode, machine.target_speed = 3, machine.increments
+    for word in (6, 7, 15):
+        machine.control(word)
+
+
 def _walk(robot: Any) -> None:
     robot.body.drive((0.1, 0.0, 0.0))
 
@@ -169,7 +177,7 @@ RIGS = (
     ),
     Rig(
         "CiA 402 drive", "cia402", _cia402, "drive5.speed = 6;", 300,
-        prepare="drive5.load = 1;", until="drive5.load == 1",
+        prepare="drive5.load = 1;", until="drive5.load == 1", other=_turn_drive,
     ),
     Rig("Spykee", "spykee", _spykee, "trackL.val = 60 | trackR.val = 60;", 0.2, rest=0.005, unit="m",
         other=lambda robot: robot.body.drive(60, 60)),

@@ -17,6 +17,7 @@ import pytest
 from random_fate import live
 from random_trial import SEED
 
+from urbihw.buses import setpoints
 from urbihw.platforms import folders
 
 SECONDS = float(os.environ.get("URBIHW_SECONDS", "60"))
@@ -35,6 +36,22 @@ def _live(platform: str, seconds: float, folder: Path) -> None:
 @pytest.mark.parametrize("platform", PLATFORMS)
 def test_nothing_moves_that_no_live_statement_asked_for(platform: str, tmp_path: Path) -> None:
     _live(platform, SECONDS, tmp_path)
+
+
+def _leap(given: float, asked: float, far: float, bounds: object) -> float:
+    return asked
+
+
+@pytest.mark.parametrize("guard", ["the way of a tick", "the goals that are led"])
+def test_a_robot_without_one_of_its_guards_is_found_out(
+    guard: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    if guard == "the way of a tick":
+        monkeypatch.setattr(setpoints, "_step", _leap)
+    else:
+        monkeypatch.setattr(setpoints.SetPoints, "led_goals", lambda *_, **__: {})
+    with pytest.raises(pytest.fail.Exception, match="part . "):
+        live("chain", 300.0, 1, tmp_path)
 
 
 @pytest.mark.long
