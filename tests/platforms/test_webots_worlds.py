@@ -146,14 +146,20 @@ def test_a_urdf_gets_a_motor_for_each_joint(tmp_path: Path) -> None:
         <collision><geometry><box size=".2 .2 .1"/></geometry></collision></link>
       <link name="link"><inertial><origin xyz=".1 0 0"/><mass value=".2"/>
         <inertia ixx=".001" iyy=".001" izz=".001" ixy="0" ixz="0" iyz="0"/></inertial></link>
-      <joint name="elbow" type="revolute"><parent link="base"/><child link="link"/><origin xyz="0 0 .2"/>
+      <link name="hand"><inertial><origin xyz=".1 0 0"/><mass value=".1"/>
+        <inertia ixx=".001" iyy=".001" izz=".001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+      <joint name="shoulder" type="revolute"><parent link="base"/><child link="link"/><origin xyz="0 0 .2"/>
+        <axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="3" velocity="2"/></joint>
+      <joint name="elbow" type="revolute"><parent link="link"/><child link="hand"/><origin xyz=".2 0 0"/>
         <axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="3" velocity="2"/></joint></robot>""")
     lab = Lab.ready(path)
-    assert lab.look("webots.deviceNames") == '["elbow" => "motor"]'
-    lab.say("joint[0].val = 0.7|;", 3.0)
-    assert lab.joint("elbow") == pytest.approx(0.7, abs=0.02)
-    lab.say("joint[0].val = 3|;", 3.0)
-    assert lab.joint("elbow") == pytest.approx(1.0, abs=0.02)
+    assert lab.look("webots.deviceOrder") == '["shoulder", "elbow"]'
+    assert lab.look("[joint[0] === shoulder, joint[1] === elbow]") == "[true, true]"
+    lab.say("joint[0].val = 0.7|; elbow.val = -0.5|;", 3.0)
+    assert lab.joint("shoulder") == pytest.approx(0.7, abs=0.02)
+    assert lab.joint("elbow") == pytest.approx(-0.5, abs=0.02)
+    lab.say("shoulder.val = 3|;", 3.0)
+    assert lab.joint("shoulder") == pytest.approx(1.0, abs=0.02)
 
 
 # ---------------------------------------------------------------- faults

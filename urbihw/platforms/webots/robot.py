@@ -87,6 +87,7 @@ class Webots(WiredRobot):
     simulator = reading("")
     world_ = reading("", "world")
     deviceNames = reading({})
+    deviceOrder = reading([])
     heldUp = event()
     problem = event()
 
@@ -275,6 +276,7 @@ class Webots(WiredRobot):
         self.simulator.sense(world.simulator)
         self.world_.sense(world.name)
         self.deviceNames.sense({each.name: each.kind for each in world.devices})
+        self.deviceOrder.sense([each.name for each in world.devices])
         self.identity.show(name=world.name, model=f"{self.model_name} in {world.simulator}")
         self._pace()
         if self._built:

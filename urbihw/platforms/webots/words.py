@@ -17,6 +17,7 @@ ROBOT: Final[Words] = {
     "simulator": ("the program that simulates", ""),
     "world": ("name of the world", ""),
     "deviceNames": ("names of the devices of the simulated robot, each with its kind", ""),
+    "deviceOrder": ("names of the devices, in the order of the model", ""),
     "assemble": ("assemble(all): make the object robot, with all devices or none", ""),
     "number": ("number(part, kind, make): add all devices of a kind to robot.body, numbered", ""),
     "heldUp": ("event: programs did not give way, and the simulation went on without them; with its time", ""),
