@@ -12,7 +12,6 @@ judge the start itself, signals during it, descriptors or memory use ``subproces
 from __future__ import annotations
 
 import array
-import atexit
 import contextlib
 import gc
 import importlib
@@ -136,9 +135,9 @@ class _Line:
         self._end, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             number = theirs.fileno()
-            self._process = subprocess.Popen((sys.executable, __file__, str(number)), pass_fds=[number])
+            # It leaves its parent, since some tests count the children of this process; it ends with the socket.
+            subprocess.run((sys.executable, __file__, str(number)), pass_fds=[number], check=True)
         self._lock = threading.Lock()
-        atexit.register(self.close)
 
     def ask(self, request: _Start | int, streams: Sequence[int] = ()) -> Any:
         """A start gives the process id, the id of a process its status or None."""
@@ -150,10 +149,6 @@ class _Line:
         if not answer:
             raise RuntimeError("the template has ended: see its errors above")
         return pickle.loads(answer)
-
-    def close(self) -> None:
-        self._end.close()
-        self._process.wait()
 
 
 _LINES: Final[list[_Line]] = []
@@ -229,6 +224,8 @@ def _become(start: _Start, streams: Sequence[int]) -> None:
 
 def _main() -> NoReturn:
     line = socket.socket(fileno=int(sys.argv[1]))
+    if os.fork():
+        os._exit(0)
     _import_programs()
     gc.collect()
     start = _serve(line)
