@@ -145,7 +145,7 @@ def test_the_advice_to_install_an_extra_names_packages_that_can_be_found(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:  # fmt: skip
     rows = ['pyusb (<2,>=1.2.1) ; extra == "usb"', 'pathfinding<2,>=1.0.9 ; extra == "planner"', "lark>=1.1.5,<2"]
-    monkeypatch.setattr("urbihw.extras.requires", lambda name: rows)
+    monkeypatch.setattr("importlib.metadata.requires", lambda name: rows)
     for file in files:
         (tmp_path / file).touch()
     told = install_command(*extras, folder=Path(folder, "urbihw"), prefix=tmp_path)
