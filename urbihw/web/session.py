@@ -69,8 +69,8 @@ _PROGRAM: Final = (
 class Sub:
     """A subscription: its number in the protocol, its kind, its slots, the statement that makes it, and what the daemon
     tells of it; ``head`` belongs to the next picture, ``errors`` are those of its slots, and ``begun`` is set when they
-    are known: with the first values.  ``early`` is the first picture, kept until the browser is told the
-    number (``is_told``): it would not know whose picture it is, and would never ask for the next one."""
+    are known: with the first values.  ``early`` is a picture that came before the answer with
+    the number (``is_answered``): a browser would not know whose picture it is, and never ask for the next one."""
 
     number: int
     kind: str
@@ -81,7 +81,7 @@ class Sub:
     errors: dict[str, str] = field(default_factory=dict)
     begun: asyncio.Event = field(default_factory=asyncio.Event)
     early: bytes | None = None
-    is_told: bool = False
+    is_answered: bool = False
 
     @property
     def failed(self) -> bool:
@@ -327,7 +327,7 @@ class WebSession:
 
     def begin_pictures(self, sub: Sub) -> None:
         """Let the pictures through, the answer with their number goes out now: the outbox sends answers first."""
-        sub.is_told = True
+        sub.is_answered = True
         if sub.early is not None:
             self.outbox.put_newest(sub.number, sub.early)
 
@@ -360,7 +360,7 @@ class WebSession:
         """Samples, a picture, or the line before it."""
         if line.binaries:
             picture = frame_of(sub.number, line, sub.head, self.outbox.lost(sub.number))
-            if sub.is_told:
+            if sub.is_answered:
                 self.outbox.put_newest(sub.number, picture)
             else:
                 sub.early = picture
