@@ -161,9 +161,14 @@ def test_sigint_is_for_the_parent_and_sigterm_stops_the_robot(robot: PtyEndpoint
     settings = m.Configure(dead_man=0, options={"protocol": 1})
     with Worker.start(robot.url, post=heard.queue.put, settings=settings) as worker:
         heard.wait(m.Found)
-        worker.send(m.Targets({(6, "moving_speed"): 20, (6, "goal_position"): 1000}))
         worker.send(m.Watch(6, ("present_position",)))
-        heard.wait(m.Samples, lambda sample: sample.values[6]["present_position"] > 560)
+
+        def moves(sample: m.Samples) -> bool:
+            # Sent again and again: a target is dropped while the machine holds the simulated robot up.
+            worker.send(m.Targets({(6, "moving_speed"): 20, (6, "goal_position"): 1000}))
+            return bool(sample.values[6]["present_position"] > 560)
+
+        heard.wait(m.Samples, moves)
         (child,) = children()
         os.kill(child, signal.SIGINT)
         worker.send(m.Request(1, "ping", 6))
@@ -187,6 +192,6 @@ def test_a_worker_that_is_killed_is_reported(robot: PtyEndpoint) -> None:
 
 
 def children() -> list[int]:
-    """The processes that this one has started and that still live."""
-    text = Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii")
-    return [int(word) for word in text.split()]
+    """The workers that this process has started and that still live."""
+    pids = Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii").split()
+    return [int(pid) for pid in pids if b"urbihw.buses.child" in Path(f"/proc/{pid}/cmdline").read_bytes()]

@@ -38,6 +38,8 @@ class Daemon:
         self.said = ""
         self.value = "1"
         self.delay = 0.0
+        self.before = b""
+        """What it says before the answer to a request for pictures."""
         self.open = 0
         self._server: asyncio.Server
 
@@ -50,6 +52,8 @@ class Daemon:
             while line := await reader.readline():
                 text = line.decode("utf-8", "surrogateescape")
                 self.said += text
+                if "__web.picture(" in text:
+                    writer.write(self.before)
                 for mark in ('Channel.new("', 'lobby.answerSlot("'):
                     channel = text.partition(mark)[2].partition('"')[0]
                     if channel.startswith("_client"):

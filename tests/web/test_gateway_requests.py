@@ -252,6 +252,19 @@ def test_names_of_the_gateway_itself_are_not_told(tmp_path: Path) -> None:
     play(tmp_path, test)
 
 
+def test_a_picture_comes_after_the_answer_that_tells_its_number(tmp_path: Path) -> None:
+    async def test(made: Site) -> None:
+        made.daemon.before = b'[00000001:__web_1] {"t": 1.5, "lost": 0}\n[00000001:__web_1] BIN 4 jpeg 320 240\nabcd\n'
+        made.daemon.delay = 0.2
+        browser = await made.browser()
+        told = await browser.ask("picture", slot="camera.val")  # fails at a binary message
+        assert told["ok"], told
+        picture = await browser.socket.receive_bytes(timeout=10)
+        assert picture.endswith(b"abcd") and json.loads(picture[4:-4])["sub"] == told["sub"]
+
+    play(tmp_path, test)
+
+
 @pytest.mark.parametrize("value", ["NaN", "Infinity", "-Infinity", "1e999", "[1, [-1e999]]"])
 def test_numbers_that_json_has_not_are_refused_for_every_role(tmp_path: Path, value: str) -> None:
     async def test(made: Site) -> None:

@@ -69,7 +69,8 @@ _PROGRAM: Final = (
 class Sub:
     """A subscription: its number in the protocol, its kind, its slots, the statement that makes it, and what the daemon
     tells of it; ``head`` belongs to the next picture, ``errors`` are those of its slots, and ``begun`` is set when they
-    are known: with the first values."""
+    are known: with the first values.  ``early`` is a picture that came before the answer with
+    the number (``is_answered``): a browser would not know whose picture it is, and never ask for the next one."""
 
     number: int
     kind: str
@@ -79,6 +80,8 @@ class Sub:
     head: Mapping[str, Any] = field(default_factory=dict)
     errors: dict[str, str] = field(default_factory=dict)
     begun: asyncio.Event = field(default_factory=asyncio.Event)
+    early: bytes | None = None
+    is_answered: bool = False
 
     @property
     def failed(self) -> bool:
@@ -322,6 +325,12 @@ class WebSession:
         self.subs[sub.number] = sub
         return sub
 
+    def begin_pictures(self, sub: Sub) -> None:
+        """Let the pictures through, the answer with their number goes out now: the outbox sends answers first."""
+        sub.is_answered = True
+        if sub.early is not None:
+            self.outbox.put_newest(sub.number, sub.early)
+
     def drop_sub(self, number: int) -> None:
         """End a subscription, if there is one of this number."""
         sub = self.subs.pop(number, None)
@@ -350,7 +359,11 @@ class WebSession:
     def _hear_samples(self, sub: Sub, line: Line) -> None:
         """Samples, a picture, or the line before it."""
         if line.binaries:
-            self.outbox.put_newest(sub.number, frame_of(sub.number, line, sub.head, self.outbox.lost(sub.number)))
+            picture = frame_of(sub.number, line, sub.head, self.outbox.lost(sub.number))
+            if sub.is_answered:
+                self.outbox.put_newest(sub.number, picture)
+            else:
+                sub.early = picture
             return
         told = json.loads(line.text)
         if "names" in told:

@@ -41,6 +41,7 @@ async def picture(session: WebSession, request: Request) -> dict[str, Any]:
     sub = _new(session, PICTURE, lambda sub: f'__web.picture("{sub.channel}", {string_literal(slot)}, {hz:g}) | 1')
     await _ask(session, sub)
     await _know_errors(session, sub)
+    session.begin_pictures(sub)
     return {"sub": sub.number}
 
 
