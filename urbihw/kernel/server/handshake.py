@@ -105,9 +105,9 @@ _METHODS: Final = frozenset(
 _TOKEN: Final = re.compile(rb"[!#-'*+\-.^_`|~0-9A-Za-z]+")
 _TARGET: Final = re.compile(rb"/[^ \r\n]*|\*|[A-Za-z][A-Za-z0-9+.\-]*://[^ \r\n]*")
 _TARGET_SO_FAR: Final = re.compile(rb"(/[^ \r\n]*|\*|[A-Za-z][A-Za-z0-9+.\-]*(:(/(/[^ \r\n]*)?)?)?)?")
-_VERSION: Final = re.compile(rb"[A-Za-z]{2,10}/[0-9].*", re.DOTALL)
-"""The end of a request line: HTTP, in any case of letters, RTSP and SIP."""
-_VERSION_SO_FAR: Final = re.compile(rb"[A-Za-z]{0,10}|[A-Za-z]{2,10}/")
+_VERSION: Final = re.compile(rb"(HTTP|RTSP|SIP)/[0-9].*", re.DOTALL | re.IGNORECASE)
+"""The end of a request line."""
+_VERSION_SO_FAR: Final = re.compile(rb"(H(T(TP?)?)?|R(T(SP?)?)?|S(IP?)?|HTTP/|RTSP/|SIP/)?", re.IGNORECASE)
 _COMMANDS: Final = frozenset(b"HELO EHLO LHLO MAIL RCPT USER PASS NICK CAP JOIN".split())
 """First words of SMTP (RFC 5321), LMTP (RFC 2033), FTP (RFC 959), POP3 and IRC.  A blank and a word follow them, which
 is no statement of urbiscript."""
