@@ -195,7 +195,6 @@ class ShotStream(Stream):
             self._has_begun = True
             self.add(Shot((self._time or (line.stamp or 0) / 1000) + offset, value))
 
-
     def _note_error(self, slot: str, text: str) -> None:
         """Store why the slot cannot be read.  Before the first content a slot that does not exist, or holds something
         else, ends the stream: it was a mistake of the program.  Later on the camera may come back."""
