@@ -29,6 +29,7 @@ EXTRA_CALLS: Final = 200
 """Additional Python calls that a signal handler may nest when it interrupts a program at the recursion limit."""
 
 Trace = Callable[[FrameType, str, Any], Any]
+"""A trace function of ``sys.settrace``."""
 
 
 class Breaker:
@@ -47,6 +48,10 @@ class Breaker:
         self._cycle = 0
         self._error: BaseException | None = None
         self._due = 0.0
+        # Python calls a trace function without a reference of its own, and a signal between may set another one.  So
+        # these two objects live as long as the breaker: new bound methods for each signal were freed while in use.
+        self._call_tracer: Trace = self._trace_call
+        self._opcode_tracer: Trace = self._trace_opcode
 
     def armed(self) -> bool:
         """Whether an error is pending."""
@@ -83,12 +88,12 @@ class Breaker:
             if self._scheduler.hooks.is_program(frame):
                 self._watch(frame)
             frame = frame.f_back
-        sys.settrace(self._trace_call)
+        sys.settrace(self._call_tracer)
 
     def _watch(self, frame: FrameType) -> Trace:
-        frame.f_trace = self._trace_opcode
+        frame.f_trace = self._opcode_tracer
         frame.f_trace_opcodes = True
-        return self._trace_opcode
+        return self._opcode_tracer
 
     def _trace_call(self, frame: FrameType, event: str, argument: Any) -> Trace | None:
         """Trace function: a Python function begins."""
@@ -104,7 +109,7 @@ class Breaker:
             return None
         if event == "opcode" and _instruction(frame) in BACKWARD:
             self._throw_when_due()
-        return self._trace_opcode
+        return self._opcode_tracer
 
     def _has_yielded(self) -> bool:
         """Whether no error is pending, or the job has yielded since ``break_in``."""
