@@ -55,19 +55,19 @@ class FinalizableObject(Obj):
         if world.scheduler.abandoned:
             return  # nothing runs any more, and the job would keep the whole kernel
         frame, context = calling_frame(), self._context
-        ending = Ending(self)
+        ending = FinalizableEnding(self)
         _endings(world).add(ending, (id(frame), 0 if frame is None else frame.f_lasti, id(context)))
         world.scheduler.spawn(ending.finalize, "finalize", context=context)
 
 
-class Ending:
+class FinalizableEnding:
     """A Finalizable that has ended, held by the job that finalizes it.  A refused or stopped job frees both."""
 
     __slots__ = ("__weakref__", "finalizable", "together")
 
     def __init__(self, finalizable: FinalizableObject) -> None:
         self.finalizable = finalizable
-        self.together: list[weakref.ref[Ending]] = []
+        self.together: list[weakref.ref[FinalizableEnding]] = []
         """The endings by the same instruction, in the order of their jobs; empty once they are in order."""
 
     def finalize(self) -> None:
@@ -77,7 +77,7 @@ class Ending:
         self.finalizable.world.send(self.finalizable, "finalize")
 
     def _put_in_order(self) -> None:
-        """Let the jobs of objects that ended together exchange them, so that the first job has the object made first."""
+        """Let the jobs of objects that ended together exchange them: the first job gets the object made first."""
         endings = [ending for each in self.together if (ending := each()) is not None]
         self.together.clear()
         finalizables = sorted((each.finalizable for each in endings), key=lambda each: each.number)
@@ -91,9 +91,9 @@ class Endings:
     def __init__(self) -> None:
         self.numbers = itertools.count()
         self._instruction: tuple[int, ...] = ()
-        self._together: list[weakref.ref[Ending]] = []
+        self._together: list[weakref.ref[FinalizableEnding]] = []
 
-    def add(self, ending: Ending, instruction: tuple[int, ...]) -> None:
+    def add(self, ending: FinalizableEnding, instruction: tuple[int, ...]) -> None:
         """Put an object with those that the same instruction has ended so far."""
         if instruction != self._instruction:
             self._instruction, self._together = instruction, []

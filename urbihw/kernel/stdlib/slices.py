@@ -93,7 +93,7 @@ class NestedWalk:
     def __exit__(self, *failure: object) -> None:
         if self._job is not None:
             self._job.walk = self._outer
-        self._container = self._outer = None  # whoever still refers to the part does not keep the container
+        self._container = self._outer = None  # the part may live longer
 
     def members(self, members: Sequence[T]) -> Iterable[T]:
         """The members of this part, as ``in_slices``; other jobs may run before them if the walk has met more than
