@@ -71,6 +71,13 @@ SESSIONS = [
      "for (var i : 2) echo(i);"],
     ["function lazy { call.args };", "lazy(1);", "lazy(2);", "lazy(3);", "lazy(44 + 5);", "lazy(6 + 7);",
      "lazy(8 + 9);"],
+    ["function lazy { call.evalArgs.asString + call.args[0].asString }; lazy(1);", "lazy(2, -3);", "lazy(3, -5);",
+     "lazy(4, 4 + 4);", "lazy(5, -5);", "lazy(6, lazy(lazy(7)));", "lazy(6, lazy(lazy(8)));", "lazy(6, lazy(lazy(6)));",
+     "lazy(1 / 0);", "lazy(22 / 0);", "lazy(333 / 0);"],
+    ["assert(1 == 1);", "assert(1 == 2);", "assert(3 == 22);", "assert(1);", "assert(0);", "isdef(1);", "isdef(22);",
+     "isdef(3);"],
+    ["var n = 0|; at (n > 1) echo(11);", "at (n > 2) echo(22);", "at (n > 3) echo(33);", "n = 2|; n = 3|; n = 4|;",
+     "1 && 2;", "0 && 3;", "4 && 5;", "6 & 7;", "8 & 9;", "echo(10) & echo(11);", "echo(1 / 0) & echo(12);"],
     ["var l = [1, 2, 3]|; l[0] = 5|; l[1] = 6|; l[2] = 7|; l;", "l[0];", "l[1];", "l[2];", "l[9];"],
     ["2 / 0;", "3 / 0;", "4 / 0;", "[1][2];", "[1][33];", "[1][444];"],
     ['throw "a";', 'throw "bb";', 'throw "ccc";', "eval(\"1\");", 'eval("2 + nothing");', 'eval("3 + nothing");'],
@@ -110,6 +117,56 @@ def test_the_third_statement_of_a_kind_is_neither_read_nor_compiled(monkeypatch:
     assert len(compiled) == number
     known = console.kernel.programs.read.get('o.f("k", 5);')
     assert isinstance(known.node, TemplateUse)
+
+
+def test_lines_with_a_lazy_function_of_the_client_itself_are_compiled_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    console, compiled = Console(), []
+
+    def counting(*args: Any, **named: Any) -> CompiledUnit:
+        compiled.append(args)
+        return compile_node(*args, **named)
+
+    monkeypatch.setattr(templates, "compile_node", counting)
+    console.say("function count { call.args.size }|; class K { function count(x) { x } }|; var k = K.new|;")
+    console.say("count(1, 1); count(2, 2); count(3, 3); k.count(1); k.count(2); k.count(3);")
+    number = len(compiled)
+    assert console.say("count(4, 5);").endswith("] 2\n")
+    assert console.say("k.count(6);").endswith("] 6\n")
+    assert len(compiled) == number
+
+
+def test_each_set_of_lazy_names_has_a_form_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    kernel, compiled = Kernel(SimClock()), []
+
+    def counting(*args: Any, **named: Any) -> CompiledUnit:
+        compiled.append(args)
+        return compile_node(*args, **named)
+
+    monkeypatch.setattr(templates, "compile_node", counting)
+    lobbies = [kernel.open_lobby() for _ in range(templates.MAX_FORMS + 2)]
+    for number, lobby in enumerate(lobbies):
+        names = [f"f{digit}" for digit in range(3) if number >> digit & 1]
+        kernel.run_text(lobby, "".join(f"function lobby.{name} {{ call.args.size }}|;" for name in names))
+        kernel.run_text(lobby, "".join(f"function lobby.f{n}(x) {{ x }}|;" for n in range(3) if f"f{n}" not in names))
+
+    def answers(number: int, argument: int) -> str:
+        return kernel.run_text(lobbies[number], f"[f0({argument}), f1({argument}), f2({argument})];")
+
+    def expected(number: int, argument: int) -> str:
+        return f"[00000000] [{', '.join(str(1 if number >> digit & 1 else argument) for digit in range(3))}]\n"
+
+    for argument in (5, 6, 7):
+        for number in range(len(lobbies)):
+            assert answers(number, argument) == expected(number, argument)
+    forms = [len(each._forms) for each in kernel.programs.read._templates.values() if each is not None]
+    assert max(forms) == templates.MAX_FORMS
+    for number in (1, 2):
+        answers(number, 8)
+    before = len(compiled)
+    for argument in (9, 10):
+        for number in (1, 2):
+            assert answers(number, argument) == expected(number, argument)
+    assert len(compiled) == before
 
 
 def test_a_function_that_becomes_lazy_is_called_so() -> None:

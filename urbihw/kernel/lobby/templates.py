@@ -6,10 +6,13 @@ text.
 placeholders for the literals is compiled, and the indexes of the placeholders among the constants of the generated code
 are stored.  From then on, a statement of this skeleton is the same code with other constants.
 
-Each placeholder must occur exactly once among the constants of the statement itself.  This excludes statements with
-functions, lazy arguments and other uses of literals.  The code made from the template for the present statement must
-equal the compiler's code.  Positions in errors and the syntax of lazy calls are those of the statement as it was sent,
-which is compiled again when they are needed.
+Each placeholder must occur among the constants of the statement or of the functions in it, such as lazy arguments; this
+excludes other uses of literals.  The code made from the template for the present statement must equal the compiler's
+code.  Positions in errors and the syntax of lazy calls are those of the statement as it was sent, which is compiled
+again when they are needed.
+
+Clients know different names of lazy functions (``runtime.lazy_names``), so a template has a *form* for each set of
+these names that a client knows and that occur in the skeleton.
 """
 
 from __future__ import annotations
@@ -36,10 +39,12 @@ Compile = Callable[[Node], CompiledUnit]
 """Compiles a statement for the present state of the kernel."""
 
 MAX_TEMPLATES: Final = 512
-"""Maximum number of cached statements, and of cached skeletons; so many long ones take 40 MB."""
+"""Maximum number of cached statements, and of cached skeletons; so many long ones take 40 MB in one form each."""
 MAX_SKELETON_LENGTH: Final = 300
 """Maximum length of a skeleton, in characters.  Making a template takes two compilations without a pause, 5 ms at most.
 A list of nearly a hundred numbers has this length."""
+MAX_FORMS: Final = 4
+"""Maximum number of forms of a template; a new one replaces the oldest."""
 MAX_TEMPLATE_TEXT: Final = 10_000
 """Maximum length of a statement that is split into skeleton and literals, in characters."""
 
@@ -48,6 +53,7 @@ _OTHER = re.compile(r"[{}\\\n\"'`]|//|/\*|\bBIN\b")
 """The parts of a text that exclude templates: functions, escapes, comments, and binary data, whose numbers say where
 the statement ends."""
 _WORD = re.compile(r"\w+")
+_NO_WORDS: Final[frozenset[str]] = frozenset()
 
 
 def skeleton(text: str) -> tuple[str, list[str]] | None:
@@ -79,10 +85,8 @@ class Template:
         self._size = size
         self._words = frozenset(_WORD.findall(self._bones))
         self._state: CompilerState | None = None
-        self._unit: CompiledUnit | None = None
-        self._places: list[int] = []
-        self._last: _Real | None = None
-        """The statement that was made last, which is often made again: a loop evaluates it, a file loads itself."""
+        self._forms: dict[frozenset[str], _Form] = {}
+        """The forms for the present state, by the lazy names that only some clients know."""
 
     def known(self, use: TemplateUse, text: str) -> Any:
         """The reader's cache entry for another statement of the skeleton."""
@@ -91,41 +95,76 @@ class Template:
     def unit(self, world: World, text: str, values: list[Literal]) -> CompiledUnit:
         """The compiled statement for these values; ``text`` is the statement as it was sent."""
         names = world.lazy_names
-        lazy_names, generic = state = (names.shared, world.generic_floats)
-        own = names.known() - lazy_names
-        if own and own & self._words:  # code of this client only
-            return compile_node(_node(text), own | lazy_names, generic=generic)
+        known, shared = names.known(), names.shared
+        own = _NO_WORDS if known is shared else (self._words & known) - shared
+        state = (shared, world.generic_floats)
         if state != self._state:
             self._state = state
-            self._compile: Compile = partial(compile_node, lazy_names=lazy_names, generic=generic)
-            self._unit = self._template(text, values)
-            self.usable = self._unit is not None
-        return self._compile(_node(text)) if self._unit is None else self._made(self._unit, text, values)
+            self._forms.clear()
+        form = self._forms.get(own)
+        if form is None:
+            if len(self._forms) >= MAX_FORMS:
+                del self._forms[next(iter(self._forms))]
+            compile_ = partial(compile_node, lazy_names=shared | own, generic=world.generic_floats)
+            form = self._forms[own] = _Form(self._bones, self._kinds, compile_, text, values)
+            if not own:
+                self.usable = form.usable
+        return form.made(text, values)
 
-    def _made(self, unit: CompiledUnit, text: str, values: list[Literal]) -> CompiledUnit:
-        constants = list(unit.code.co_consts)
-        for place, value in zip(self._places, values, strict=True):
-            constants[place] = value
-        if self._last is None or not self._last.is_of(text, self._compile):
-            self._last = _Real(text, self._compile)
-        real = self._last
-        return CompiledUnit(unit.code.replace(co_consts=tuple(constants)), _Entries(real), [], _Syntax(real), [])
 
-    def _template(self, text: str, values: list[Literal]) -> CompiledUnit | None:
-        """The compiled statement with placeholders; None if it does not give the code of the present statement."""
+class _Form:
+    """The compiled template for one state of the compiler; ``usable``: it gave the code of its first statement."""
+
+    def __init__(self, bones: str, kinds: str, compile_: Compile, text: str, values: list[Literal]) -> None:
+        self._compile = compile_
+        self._last: _Real | None = None
+        """The statement that was made last, which is often made again: a loop evaluates it, a file loads itself."""
         stand_ins: list[Literal] = [
-            f"stand-in {index}" if kind == "s" else 8.1e12 + index + 0.5 for index, kind in enumerate(self._kinds)
+            f"stand-in {index}" if kind == "s" else 8.1e12 + index + 0.5 for index, kind in enumerate(kinds)
         ]
         literals = [f'"{each}"' if isinstance(each, str) else repr(each) for each in stand_ins] + [""]
-        parts = self._bones.split("\0")
-        unit = self._compile(_node("".join(part + literal for part, literal in zip(parts, literals, strict=True))))
-        known = unit.code.co_consts
-        apart = all(known.count(each) == 1 for each in stand_ins)
-        if unit.constants or unit.pieces or not apart or any(isinstance(each, CodeType) for each in known):
-            return None
-        self._places = [known.index(each) for each in stand_ins]
-        made, meant = self._made(unit, text, values).code, self._compile(_node(text)).code
-        return unit if _instructions(made) == _instructions(meant) else None
+        unit = compile_(_node("".join([x + y for x, y in zip(bones.split("\0"), literals, strict=True)])))
+        self._code, self._places = unit.code, _Places(unit.code, stand_ins)
+        self.usable = not unit.constants and not unit.pieces and self._places.all_literals() == set(range(len(kinds)))
+        if self.usable:
+            meant = self._compile(_node(text)).code
+            self.usable = _instructions(self._places.filled(self._code, values)) == _instructions(meant)
+
+    def made(self, text: str, values: list[Literal]) -> CompiledUnit:
+        """The compiled statement for these values; ``text`` is the statement as it was sent."""
+        if not self.usable:
+            return self._compile(_node(text))
+        if self._last is None or not self._last.is_of(text):
+            self._last = _Real(text, self._compile)
+        real = self._last
+        return CompiledUnit(self._places.filled(self._code, values), _Entries(real), [], _Syntax(real), [])
+
+
+class _Places:
+    """Where the literals are among the constants of a code object and of the functions in it."""
+
+    __slots__ = ("_inner", "_literals")
+
+    def __init__(self, code: CodeType, stand_ins: list[Literal]) -> None:
+        constants = code.co_consts
+        self._literals = [
+            (constants.index(each), literal) for literal, each in enumerate(stand_ins) if each in constants
+        ]
+        within = [(at, _Places(each, stand_ins)) for at, each in enumerate(constants) if isinstance(each, CodeType)]
+        self._inner = [(at, places) for at, places in within if places.all_literals()]
+
+    def all_literals(self) -> set[int]:
+        """The indexes of the literals that have places."""
+        return {literal for _, literal in self._literals}.union(*[each.all_literals() for _, each in self._inner])
+
+    def filled(self, code: CodeType, values: list[Literal]) -> CodeType:
+        """The code object with these values of the literals."""
+        constants = list(code.co_consts)
+        for at, literal in self._literals:
+            constants[at] = values[literal]
+        for at, places in self._inner:
+            constants[at] = places.filled(constants[at], values)
+        return code.replace(co_consts=tuple(constants))
 
 
 def _node(text: str) -> Node:
@@ -136,10 +175,17 @@ def _node(text: str) -> Node:
 
 
 def _instructions(code: CodeType) -> list[tuple[str, Any, int | None]]:
-    """The instructions of a code object, independent of the order of its constants; the last item is the line, an index
-    into the entries.
+    """The instructions of a code object and of the functions in it, independent of the order of the constants; the last
+    item is the line, an index into the entries.
     """
-    return [(each.opname, each.argval, each.positions and each.positions.lineno) for each in dis.get_instructions(code)]
+    return [
+        (
+            each.opname,
+            _instructions(each.argval) if isinstance(each.argval, CodeType) else each.argval,
+            each.positions and each.positions.lineno,
+        )
+        for each in dis.get_instructions(code)
+    ]
 
 
 class _Real:
@@ -152,9 +198,9 @@ class _Real:
         self._compile = compile_
         self._unit: CompiledUnit | None = None
 
-    def is_of(self, text: str, compile_: Compile) -> bool:
-        """Whether this is the statement of a text, compiled in the same way."""
-        return self._text == text and self._compile is compile_
+    def is_of(self, text: str) -> bool:
+        """Whether this is the statement of a text."""
+        return self._text == text
 
     def get(self) -> CompiledUnit:
         """The compiled statement, made at its first use."""
@@ -198,12 +244,25 @@ class _Syntax(Syntax):
         self._real = real
 
     def __getitem__(self, index: int) -> Any:
-        return self._real.get().syntax[index]
+        return _Arguments(self._real, index)
 
     @property
     def late(self) -> Any:
         """The ``LateSites`` of the unit."""
         return self._real.get().syntax.late
+
+
+class _Arguments:
+    """The syntax of the arguments of a call whose function is lazy, compiled when it is needed."""
+
+    __slots__ = ("_index", "_real")
+
+    def __init__(self, real: _Real, index: int) -> None:
+        self._real = real
+        self._index = index
+
+    def __getitem__(self, argument: int) -> Any:
+        return self._real.get().syntax[self._index][argument]
 
 
 class TemplateUse(Node):

@@ -8,7 +8,7 @@ else.  Values are urbiscript values; a thunk is a Python function without parame
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
@@ -141,11 +141,11 @@ def _calls(world: World, run_late: RunLate, declare_external: DeclareExternal) -
         """The value of a local variable as an executable."""
         return value if isinstance(value, Executable) else Getter(world, value)
 
-    def lazies(thunks: list[Callable[[], Any]], nodes: tuple[Any, ...]) -> list[Lazy]:
-        return [Lazy(world, thunk, node) for thunk, node in zip(thunks, nodes, strict=True)]
+    def lazies(thunks: list[Callable[[], Any]], nodes: Sequence[Any]) -> list[Lazy]:
+        return [Lazy(world, thunk, nodes, index) for index, thunk in enumerate(thunks)]
 
     def lazy_send(
-        target: Value, sender: Value, name: str, thunks: list[Callable[[], Any]], nodes: tuple[Any, ...]
+        target: Value, sender: Value, name: str, thunks: list[Callable[[], Any]], nodes: Sequence[Any]
     ) -> Value:
         """A message whose name may belong to a lazy function."""
         return call_unevaluated(world, world.ops.method(target, name), target, sender, name, lazies(thunks, nodes))
@@ -160,7 +160,7 @@ def _calls(world: World, run_late: RunLate, declare_external: DeclareExternal) -
         return value.c0(target) if value.strict else call_unevaluated(world, value, target, sender, name, [])
 
     def lazy_call(
-        value: Any, target: Value, sender: Value, name: str, thunks: list[Callable[[], Any]], nodes: tuple[Any, ...]
+        value: Any, target: Value, sender: Value, name: str, thunks: list[Callable[[], Any]], nodes: Sequence[Any]
     ) -> Value:
         """Call a function that may be lazy."""
         if not value.strict:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
@@ -39,10 +39,10 @@ def assertion_verbs(world: World) -> dict[str, Any]:
         name: str,
         function: Value,
         thunks: list[Callable[[], Any]],
-        nodes: tuple[Any, ...],
+        nodes: Sequence[Any],
     ) -> None:
         """Check a claim that is a call; the message of a failure shows the values of its target and arguments."""
-        args = [Lazy(world, thunk, node) for thunk, node in zip(thunks, nodes, strict=True)]
+        args = [Lazy(world, thunk, nodes, index) for index, thunk in enumerate(thunks)]
         for lazy in args:
             lazy.memoize()
         value = world.ops.method(target, name) if function is None else function

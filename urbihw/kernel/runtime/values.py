@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from sys import getrefcount
 from typing import TYPE_CHECKING, Any, Final
 
@@ -258,17 +258,31 @@ class FloatObject(Obj):
 
 
 class Lazy(Obj):
-    """An unevaluated value: ``thunk`` computes it, ``node`` is its syntax (None if native code made it)."""
+    """An unevaluated value: ``thunk`` computes it."""
 
-    __slots__ = ("cached", "code", "keep", "node", "thunk")
+    __slots__ = ("_index", "_nodes", "cached", "code", "keep", "thunk")
 
-    def __init__(self, world: World, thunk: Callable[[], Any], node: Any, code: Executable | None = None) -> None:
+    def __init__(
+        self,
+        world: World,
+        thunk: Callable[[], Any],
+        nodes: Sequence[Any] = (None,),
+        index: int = 0,
+        code: Executable | None = None,
+    ) -> None:
+        """``nodes[index]`` is the syntax, which is looked up when it is needed; None if native code made the value."""
         super().__init__(world, [world.lazy_proto])
         self.thunk = thunk
-        self.node = node
+        self._nodes = nodes
+        self._index = index
         self.code = code
         self.cached: Any = None
         self.keep = False
+
+    @property
+    def node(self) -> Any:
+        """The syntax; None if native code made the value."""
+        return self._nodes[self._index]
 
     def force(self) -> Any:
         """Compute the value, again at each call unless ``memoize`` was called."""

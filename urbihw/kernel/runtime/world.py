@@ -192,7 +192,7 @@ class World:
 
     def lazy(self, thunk: Callable[[], Any], node: Any) -> Lazy:
         """Make a Lazy of an unevaluated expression."""
-        return Lazy(self, thunk, node)
+        return Lazy(self, thunk, (node,))
 
     def call_message(self, code: Value, target: Value, args: Iterable[Value], message: str = "") -> CallMessage:
         """The message of a call made by native code, with arguments already evaluated."""
@@ -200,7 +200,7 @@ class World:
 
     def evaluated(self, value: Value) -> Lazy:
         """A lazy argument for a value that is computed already."""
-        return Lazy(self, lambda: value, None)
+        return Lazy(self, lambda: value)
 
     def lazy_message(self, code: Value, target: Value, name: str, sender: Value, args: list[Lazy]) -> CallMessage:
         """The message of a call with unevaluated arguments."""

@@ -37,14 +37,15 @@ class FinalizableObject(Obj):
     that one instruction of a program ends are finalized in the order in which they were made.
     """
 
-    __slots__ = ("_context", "_number")
+    __slots__ = ("_context", "number")
     requires_finalizable_heirs = True
 
     def __init__(self, world: World, protos: list[Obj]) -> None:
         super().__init__(world, protos)
         current = world.scheduler.current
         self._context: Any = None if current is None else current.context
-        self._number = next(_endings(world).numbers)
+        self.number = next(_endings(world).numbers)
+        """The place in the order in which objects were made."""
 
     def clone(self) -> FinalizableObject:
         return FinalizableObject(self.world, [self])
@@ -54,14 +55,34 @@ class FinalizableObject(Obj):
         if world.scheduler.abandoned:
             return  # nothing runs any more, and the job would keep the whole kernel
         frame, context = calling_frame(), self._context
-        ended = _endings(world).at((id(frame), 0 if frame is None else frame.f_lasti, id(context)))
-        ended.append(self)
+        ending = FinalizableEnding(self)
+        _endings(world).add(ending, (id(frame), 0 if frame is None else frame.f_lasti, id(context)))
+        world.scheduler.spawn(ending.finalize, "finalize", context=context)
 
-        def finalize_next() -> None:
-            ended.sort(key=lambda each: -each._number)
-            world.send(ended.pop(), "finalize")
 
-        world.scheduler.spawn(finalize_next, "finalize", context=context)
+class FinalizableEnding:
+    """A Finalizable that has ended, held by the job that finalizes it.  A refused or stopped job frees both."""
+
+    __slots__ = ("__weakref__", "finalizable", "together")
+
+    def __init__(self, finalizable: FinalizableObject) -> None:
+        self.finalizable = finalizable
+        self.together: list[weakref.ref[FinalizableEnding]] = []
+        """The endings by the same instruction, in the order of their jobs; empty once they are in order."""
+
+    def finalize(self) -> None:
+        """Finalize the object whose turn it is."""
+        if self.together:
+            self._put_in_order()
+        self.finalizable.world.send(self.finalizable, "finalize")
+
+    def _put_in_order(self) -> None:
+        """Let the jobs of objects that ended together exchange them: the first job gets the object made first."""
+        endings = [ending for each in self.together if (ending := each()) is not None]
+        self.together.clear()
+        finalizables = sorted((each.finalizable for each in endings), key=lambda each: each.number)
+        for each, finalizable in zip(endings, finalizables, strict=True):
+            each.finalizable = finalizable
 
 
 class Endings:
@@ -70,13 +91,14 @@ class Endings:
     def __init__(self) -> None:
         self.numbers = itertools.count()
         self._instruction: tuple[int, ...] = ()
-        self._ended: list[FinalizableObject] = []
+        self._together: list[weakref.ref[FinalizableEnding]] = []
 
-    def at(self, instruction: tuple[int, ...]) -> list[FinalizableObject]:
-        """The objects that an instruction has ended so far."""
+    def add(self, ending: FinalizableEnding, instruction: tuple[int, ...]) -> None:
+        """Put an object with those that the same instruction has ended so far."""
         if instruction != self._instruction:
-            self._instruction, self._ended = instruction, []
-        return self._ended
+            self._instruction, self._together = instruction, []
+        self._together.append(weakref.ref(ending))
+        ending.together = self._together
 
 
 def _endings(world: World) -> Endings:

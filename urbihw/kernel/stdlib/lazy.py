@@ -23,7 +23,7 @@ NOTES = {
 @TABLE.primitive("new")
 def new(world: World, this: Value, function: Value) -> Value:
     """Make a value that a function without arguments computes on demand."""
-    made = Lazy(world, lambda: world.void, None, function)
+    made = Lazy(world, lambda: world.void, code=function)
     made.thunk = lambda: world.invoke(function, made, (), "eval")
     made.protos = [this]
     return made

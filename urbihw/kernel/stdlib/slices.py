@@ -66,14 +66,15 @@ class NestedWalk:
     ``inside`` tells whether an outer part of the walk is at the same container: a container may contain itself.
     """
 
-    __slots__ = ("_container", "_job", "_met", "_outer", "_whole", "_world", "inside")
+    __slots__ = ("_container", "_job", "_met", "_outer", "_outermost", "_world", "inside")
 
     def __init__(self, world: World, container: Obj | None = None) -> None:
         self._world = world
         self._job = world.scheduler.current
         self._container = container
         self._outer: NestedWalk | None = None if self._job is None else self._job.walk
-        self._whole: NestedWalk = self if self._outer is None else self._outer._whole
+        self._outermost: NestedWalk | None = None if self._outer is None else self._outer._outermost or self._outer
+        """The outermost part; None for this one, since a part that refers to itself waits for Python's collector."""
         self._met = 0
         """The number of members met so far, in the outermost part."""
         self.inside = container is not None and self._is_inside()
@@ -92,14 +93,15 @@ class NestedWalk:
     def __exit__(self, *failure: object) -> None:
         if self._job is not None:
             self._job.walk = self._outer
+        self._container = self._outer = None  # the part may live longer
 
     def members(self, members: Sequence[T]) -> Iterable[T]:
         """The members of this part, as ``in_slices``; other jobs may run before them if the walk has met more than
         ``MAX_ATOMIC_MEMBERS``.
         """
-        whole = self._whole
-        whole._met += len(members)
-        if whole._met > MAX_ATOMIC_MEMBERS:
+        outermost = self._outermost or self
+        outermost._met += len(members)
+        if outermost._met > MAX_ATOMIC_MEMBERS:
             give_way(self._world)
         return in_slices(self._world, members)
 
