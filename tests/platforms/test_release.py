@@ -96,6 +96,29 @@ def test_who_releases_may_move_and_what_an_order_triggers_too() -> None:
     assert lab.number("motor6.val") == pytest.approx(-1.0, abs=0.05)
 
 
+@pytest.mark.parametrize("when", ["before", "while"])
+@pytest.mark.parametrize("waiting", [
+    "at (!bioloid.estop) motor6.val = 1;",
+    "at (bioloid.estop) {} onleave motor6.val = 1;",
+    "whenever (!bioloid.estop) { motor6.val = 1 };",
+])  # fmt: skip
+def test_the_release_itself_orders_nothing_of_those_who_wait_for_it(waiting: str, when: str) -> None:
+    lab = Lab.ready()
+    other = lab.kernel.open_lobby("127.0.0.1")
+    lab.say("motor6.load = 1;", 0.3)
+    if when == "before":
+        lab.say("bioloid.estop = true;", 0.2)
+        other.feed(waiting.encode())
+    else:
+        other.feed(waiting.encode())
+        lab.run(1.0)
+        lab.say("bioloid.estop = true;", 0.2)
+    lab.run(0.3)
+    here = lab.number("motor6.val")
+    lab.say("bioloid.estop = false;", 1.5)
+    assert lab.number("motor6.val") == pytest.approx(here, abs=0.02)
+
+
 # ---------------------------------------------------------------- devices that are programs
 
 

@@ -123,8 +123,10 @@ class MotionGuard(DevicePart):
             origin.warn(f"an emergency stop of {names} still holds: {hint}")
         else:
             self.motion.release()
-            self.motion.order_anew()
+        # An `at` of another client that waits for the release is not ordered by it: so the order comes behind.
         self.estop.sense(bool(left))
+        if not left:
+            self.motion.order_anew()
 
     # ---------------------------------------------------------------- what the robot calls
 
