@@ -131,3 +131,53 @@ def test_a_process_hears_every_write_with_its_own_value() -> None:
     place.say("for|(var i : 1000) lamp.colour = i;")
     (ear,) = (device for device in place.bridge._devices.values() if isinstance(device, Ear))
     assert ear.seen == [float(number) for number in range(1000)]
+
+
+class Learned:
+    """A variable of another owner, with a callback that sees its value."""
+
+    def __init__(self) -> None:
+        self.kernel = Kernel(SimClock())
+        self.var = UVar(self.kernel.world, self.kernel.world.global_, "learned")
+        self.seen: list[tuple[float, float]] = []
+        self.callback = self.var.notify_change(lambda var: self.seen.append((var.sensed, var.stamp)))
+
+    def run(self) -> None:
+        """Run what is ready."""
+        self.kernel.scheduler.run_simulated(self.kernel.clock.now() + 0.1)
+
+
+def test_a_learned_value_is_there_at_once_and_each_callback_has_its_own() -> None:
+    learned = Learned()
+    for number in (1.0, 2.0, 3.0):
+        learned.var.learn(number, number * 10)
+        assert (learned.var.sensed, learned.var.target, learned.var.stamp) == (number, number, number * 10)
+    learned.run()
+    assert learned.seen == [(1.0, 10.0), (2.0, 20.0), (3.0, 30.0)]
+    assert (learned.var.sensed, learned.var.stamp) == (3.0, 30.0)
+
+
+def test_a_queued_notification_does_not_bring_an_old_value_back() -> None:
+    learned = Learned()
+    learned.var.learn(1.0, 1.0)
+    learned.var.unnotify(learned.callback)
+    learned.var.learn(2.0, 2.0)
+    learned.run()
+    assert (learned.var.sensed, learned.var.target, learned.var.stamp) == (2.0, 2.0, 2.0)
+
+
+def test_a_callback_that_sleeps_keeps_no_value_of_its_packet_back() -> None:
+    learned = Learned()
+    lobby = learned.kernel.open_lobby()
+    learned.kernel.run_text(lobby, 'UVar.new(Global, "slow")|; Global.getSlot("slow").notifyChange(uobjects_handle, '
+                                   "closure() { sleep(5s) })|;", 0.1)
+    slow = learned.kernel.world.global_.slots["slow"]
+    slow.learn(1.0, 1.0)
+    learned.var.learn(2.0, 2.0)
+    learned.run()
+    assert learned.seen == []
+    assert (slow.sensed, learned.var.sensed) == (1.0, 2.0)
+    slow.learn(3.0, 3.0)
+    assert slow.sensed == 3.0
+    learned.kernel.scheduler.run_simulated(learned.kernel.clock.now() + 20)
+    assert (slow.sensed, learned.seen) == (3.0, [(2.0, 2.0)])

@@ -151,6 +151,24 @@ def test_a_chain_that_is_too_long_does_nothing(server: Server, monkeypatch: pyte
     assert server.ask("Lamp.val;") == "[] 299"
 
 
+@pytest.mark.parametrize("end", ["Lamp.lit = 7 & Lamp.lit", 'Lamp.lit = "x & y"'])
+def test_a_chain_is_parsed_once_and_not_as_a_whole(server: Server, monkeypatch: pytest.MonkeyPatch, end: str) -> None:
+    """``&`` binds tighter than ``|``, so it does not matter to the pieces.  The whole would be too long."""
+    chain = "".join(map(write, range(100))) + end
+    monkeypatch.setattr(reader, "MAX_TOKENS", 300)
+    parsed: list[str] = []
+    once = reader.parse_program
+
+    def parse(text: str) -> list[reader.Item]:
+        parsed.append(text)
+        return once(text)
+
+    monkeypatch.setattr(reader, "parse_program", parse)
+    assert "error" not in server.say(chain + ";")
+    assert server.ask("Lamp.val; Lamp.lit;").splitlines()[0] == "[] 99"
+    assert max(map(len, parsed)) < 100
+
+
 def test_a_chain_may_end_a_call_in_the_background(server: Server) -> None:
     """What a bound function of the SDK answers after ten thousand writes."""
     server.user.feed(b"Lamp.blink(3);")
@@ -168,7 +186,9 @@ TAILS = [
     "Lamp.lit == 3 | 11;", "Lamp.lit || 12;", "every | (1s) echo(1),", "Lamp.lit |= 1;", "// x\n13;", "/* ; */ 14;",
     'echo("a\\"b|c") | 15;', "Lamp.nothing | 16;", "break; 17;", "echo(18)|;", "var y = 19| y;", "echo('20);\n21;",
     "Lamp.lit = -1e-3 | Lamp.lit;", "Lamp.lit = 2s | Lamp.lit;", "Lamp.lit = [1, 2] | Lamp.lit;", "return; 22;",
-    "Lamp.blink(1, 2); 23;", "Lamp.(1) | 24;", "Lamp.lit = if | 25;", "BIN 3 x;a|b; 26;", 'echo("\\B(3)(a|;)"); 27;',
+    "Lamp.val = 5 & Lamp.val | 27;", "1 | echo(28) & echo(29) | 30;", "t: echo(31) & echo(32) | 33;", "echo(34) &;",
+    "\n& 35;", "Lamp.gone & echo(36);", "echo(37) &\nLamp.gone | 38;", 'echo("x & y") | 39;', "Lamp.blink(1, 2); 23;",
+    "Lamp.(1) | 24;", "Lamp.lit = if | 25;", "BIN 3 x;a|b; 26;", 'echo("\\B(3)(a|;)"); 27;',
 ]
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import random
 from pathlib import Path
+from typing import SupportsIndex
 
 import pytest
 from syntax_reading import EXAMPLES, in_pieces, told, typed
 
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax import reader as reader_module
+from urbihw.kernel.syntax.lexer import Lexer
 from urbihw.kernel.syntax.location import Position
 from urbihw.kernel.syntax.reader import Item, Statement, StatementCache, StatementReader, SyntaxProblem, parse_program
 from urbihw.kernel.syntax.tokens import KEYWORDS, SIGNS
@@ -37,6 +39,26 @@ def test_remembering_does_not_matter(data: bytes) -> None:
     cache = StatementCache()
     for size in (1, 5, len(data)):
         assert in_pieces(data, size, cache) == in_pieces(data, len(data))
+
+
+class Watched(str):
+    """A text that measures the copies made of its parts."""
+
+    longest = 0
+
+    def __getitem__(self, key: SupportsIndex | slice) -> str:
+        part = super().__getitem__(key)
+        Watched.longest = max(Watched.longest, len(part))
+        return part
+
+
+def test_the_rest_of_the_input_is_not_copied_for_each_invalid_character() -> None:
+    lexer = Lexer([])
+    lexer.feed("\x80" * 1000 + "\xe2")
+    lexer._buffer = Watched(lexer._buffer)
+    assert lexer.begin() and lexer.next() is None
+    assert Watched.longest == 1
+    assert lexer.unread_input[0][lexer.unread_input[1] :] == "\xe2"  # may become a typographic quote
 
 
 def bases(items: list[Item]) -> list[str]:

@@ -62,6 +62,7 @@ _UNFINISHED_ESCAPE = re.compile(r"\\(?:[0-7]{1,2}|x[0-9A-Fa-f]?|B(?:\((?:[0-9]{1
 _BINARY = re.compile(r"BIN[ \t\r\n]+([0-9]{1,15})([^;]{0,1000});")
 _UNFINISHED_BINARY = re.compile(r"BIN(?:[ \t\r\n]+(?:[0-9]{1,15}[^;]{0,1000})?)?\Z")
 _TYPOGRAPHIC_QUOTE = re.compile("\xe2\x80[\x98-\x9f]")
+_UNFINISHED_QUOTE = re.compile(r"\xe2\x80?\Z")
 
 
 class Lexer(SourceText):
@@ -201,7 +202,7 @@ class Lexer(SourceText):
         A statement with several typographic quotes gets one report.
         """
         quote = _TYPOGRAPHIC_QUOTE.match(self._buffer, self._at)
-        if quote is None and not self._closed and self._buffer[self._at :] in ("\xe2", "\xe2\x80"):
+        if quote is None and not self._closed and _UNFINISHED_QUOTE.match(self._buffer, self._at):
             return False
         characters = self._buffer[self._at] if quote is None else quote[0]
         shown = "" if characters == "\0" else escaped(characters)

@@ -301,19 +301,14 @@ class StatementReader:
         return known
 
     def _add(self, statement: Statement, items: list[Item]) -> None:
-        """Return a statement, which may be the rest of a long chain."""
+        """Return a statement, which may be the rest of a long chain: ``|`` binds weakest in it, weaker than ``&``."""
         pieces, self._pieces = self._pieces, []
         if pieces:
             self.total += self._tokens
             self._tokens = 0
             base = pieces[0].base
-            if "&" in statement.text:  # it may bind weaker than the chain
-                text = "".join(piece.text[:-1] + "|" for piece in pieces) + statement.text
-                statement = next(each for each in parse_program(text) if isinstance(each, Statement))
-            else:
-                pieces.append(statement)
-                statement = Statement(LongChain(pieces), statement.separator, base, "")
-            statement = statement._replace(base=base)
+            pieces.append(statement)
+            statement = Statement(LongChain(pieces), statement.separator, base, "")
         items.append(statement)
 
     def _find_known(self, cache: StatementCache, items: list[Item]) -> bool:

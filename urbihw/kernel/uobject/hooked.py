@@ -76,6 +76,7 @@ class Hooked(Executable):
         "_access",
         "_change",
         "_homes",
+        "_learned",
         "_meta",
         "_owner_change",
         "_sensed",
@@ -104,6 +105,8 @@ class Hooked(Executable):
         self._sensed: Any = to_urbi(world, value)
         self._target: Any = self._sensed
         self.stamp = world.scheduler.clock.now()
+        self._learned: tuple[Any, float] = (self._sensed, self.stamp)
+        """The last value that the server has sent for a variable of another owner, and its time."""
         self.dated: Callable[[], float] | None = None
         self.thread = registry.thread
         self.hooked = registry.hook_changed

@@ -80,18 +80,27 @@ class UVar(Hooked):
 
         Callbacks and conditions see each change with its own value, however many have come in one packet.
         """
-        heard = bool(self._change) or self._watched()
+        self._learned = learned = (value, stamp)
+        self._hold(learned)
+        if changed and (self._change or self._watched()):
+            self.world.call_soon(lambda: self._tell(learned))
 
-        def store() -> None:
-            self.stamp = stamp
-            self._sensed = self._target = value
-            if heard and changed:
-                self._sensed_changed()
+    def _hold(self, learned: tuple[Any, float]) -> None:
+        self._sensed, self.stamp = learned
+        self._target = self._sensed
 
-        if heard:
-            self.world.call_soon(store)
-        else:
-            store()
+    def _tell(self, change: tuple[Any, float]) -> None:
+        """Run the callbacks and conditions for a change.  If another value was learned since, they see that of the
+        change, and the variable gets the last one back behind them.
+        """
+        late = change is not self._learned
+        if late:
+            self._hold(change)
+        try:
+            self._sensed_changed()
+        finally:
+            if late:
+                self._hold(self._learned)
 
     def receive(self, value: Any, stamp: float, writer: Subscriber | None) -> None:
         """Store an urbiscript value reported by a connection.  Unlike ``sense``, equal values count too; the value is
