@@ -9,8 +9,10 @@ from types import SimpleNamespace
 import pytest
 
 from urbihw.buses import worker
+from urbihw.buses.counter import StatisticsCounter
 from urbihw.buses.messages import Ended, FromWorker
-from urbihw.buses.processor import held_up
+from urbihw.buses.processor import Processor, held_up
+from urbihw.buses.servos.driver import ServoDriver
 from urbihw.buses.silence import CHECK_PERIOD_S, MOST_CREDIT, Silence
 
 ALLOWED = 2.0
@@ -76,3 +78,11 @@ def test_one_that_was_killed_is_told_with_the_time_that_it_was_silent(monkeypatc
     made = worker.Worker("robot", ours, told.append, lambda _: "", theirs.close, lambda: next(waited) / 20)
     made._reader.join(10.0)
     assert told[-1] == Ended("the bus worker of robot hung for 4.0 s and was killed")
+
+
+def test_a_second_whose_wait_cannot_be_read_tells_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    times = iter([None, 7.0, 7.0, 7.25, 7.25, None, None])
+    monkeypatch.setattr(Processor, "held_up", lambda _: next(times))
+    counter = StatisticsCounter(100.0, Processor())
+    shares = [counter.close(101.0 + second, None, ServoDriver(), 0, 50.0).held_up for second in range(3)]
+    assert shares == [0.0, 0.25, 0.0]
