@@ -16,6 +16,7 @@ from .test_worker import Bench, of
 
 ITEM = (6, "torque_limit")
 GOAL = (6, "goal_position")
+SPEED, CW, CCW = "moving_speed", "cw_angle_limit", "ccw_angle_limit"
 
 
 @pytest.fixture
@@ -298,3 +299,37 @@ def test_a_request_that_would_move_the_robot_and_that_no_client_has_asked_for_is
     replies = {each.reply_id: each.error for each in of(m.Reply, bench.run(1.0))}
     assert replies == {1: NO_ORIGIN, 2: "", 3: ""}
     assert place(bench) == pytest.approx(before, abs=2)
+
+
+@pytest.mark.parametrize(
+    ("steps", "speed"),
+    [
+        (((SPEED, 0), (CW, 0), (CCW, 0)), 100),
+        (((SPEED, 0),), 100),
+        (((CW, 0), (CCW, 0), (SPEED, 0)), 0),
+        (((CW, 0), (CCW, 0), (SPEED, 0), (CCW, 1023)), 100),
+    ],
+)
+def test_a_0_is_rest_only_behind_the_writes_that_make_a_wheel(
+    bench: Bench, steps: tuple[tuple[str, int], ...], speed: int
+) -> None:
+    bench.tell(m.Limits({(6, SPEED): m.Limit(1, 100)}), m.Request(1, "write_all", 6, value=steps))
+    assert [reply.error for reply in of(m.Reply, bench.run(0.3))] == [""]
+    assert bench.rig.kit.servo(6).registers.get(SPEED) == speed
+
+
+def test_a_driver_is_told_the_pace_of_a_target_that_new_limits_change(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.tell(m.Limits({GOAL: m.Limit(0, 1023, 100.0)}), m.Targets({GOAL: 900}))
+    bench.run(1.0)
+    told: list[m.Targets] = []
+
+    def take(message: m.Targets) -> list[m.FromWorker]:
+        told.append(message)
+        return []
+
+    monkeypatch.setattr(bench.engine._driver, "targets", take)
+    bench.tell(m.Limits({GOAL: m.Limit(0, 530, 50.0)}))
+    bench.run(0.1)
+    assert (told[0].values, told[0].rates) == ({GOAL: 530}, {GOAL: 50.0})

@@ -332,6 +332,20 @@ def test_a_speed_ends_the_way_to_a_place(rig: Rig) -> None:
     assert rig.steps(0.5) == []
 
 
+def test_what_is_no_number_ends_the_way_to_a_place_too(rig: Rig) -> None:
+    rig.points.set_limits({KEY: Limit(rate=1000.0)}, rig.now)
+    rig.take(900)
+    assert rig.take(True, SPEED) is True
+    assert rig.steps(0.5) == []
+
+
+def test_a_speed_that_is_written_once_ends_the_way_to_a_place(rig: Rig) -> None:
+    rig.points.set_limits({KEY: Limit(rate=1000.0)}, rig.now)
+    rig.take(900)
+    assert rig.points.clamp_value(*SPEED, 0) == 0
+    assert rig.steps(0.5) == []
+
+
 def test_a_new_limit_acts_on_a_joint_that_is_on_its_way(rig: Rig) -> None:
     assert rig.take(900) == 900
     rig.places[KEY] = 550.0

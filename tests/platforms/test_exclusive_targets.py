@@ -1,4 +1,4 @@
-"""A motor that was on its way to a place, slowly, and is told a speed does not go on to that place: at the body."""
+"""A motor that is told something else does not go on with what it was led to, slowly: at the body."""
 
 from __future__ import annotations
 
@@ -39,3 +39,15 @@ def test_a_speed_of_zero_ends_a_way_to_a_place(name: str) -> None:
     assert fastest() < 0.1
     lab.run(1.0)
     assert fastest() < 0.1
+
+
+@pytest.mark.parametrize("end", ["claw.coast;", "Command.send([4, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0]);"])
+def test_a_motor_that_is_let_go_gets_no_faster(end: str) -> None:
+    lab = nxt_lab.Lab.ready(TriBot(10.0), limits={"acceleration": 20.0})
+    lab.run(0.5)
+    lab.say("claw.speed = 80;", 0.3)
+    assert lab.powers()[1] > 5
+    lab.say(end, 0.1)
+    assert lab.powers()[1] == 0
+    lab.run(0.5)
+    assert lab.powers()[1] == 0

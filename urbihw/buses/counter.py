@@ -36,6 +36,8 @@ class StatisticsCounter:
         elapsed = now - self.since
         total = 0 if link is None else link.bytes_read + link.bytes_written
         busy = 0.0 if link is None else max(total - self._bytes, 0) * link.byte_time / elapsed
+        before, held_up = self._held_up, self._processor.held_up()
+        waited = 0.0 if before is None or held_up is None else held_up - before
         news = {kind: count - self._errors.get(kind, 0) for kind, count in errors.items()}
         statistics = Statistics(
             time=now,
@@ -46,7 +48,7 @@ class StatisticsCounter:
             dropped=dropped,
             wanted=wanted,
             turnaround=driver.turnaround(),
-            held_up=min(max(self._processor.held_up() - self._held_up, 0.0) / elapsed, 1.0),
+            held_up=min(waited / elapsed, 1.0),
         )
         self.restart(now)
         self._errors, self._bytes = errors, total

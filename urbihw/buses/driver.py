@@ -176,16 +176,19 @@ class Driver:
         """Return why a request cannot be held within these limits, so that it is refused; "" if it can."""
         return ""
 
-    def rests(self, request: Request, item: str, value: Any) -> bool:
-        """Whether this write of several lets the device stand in the mode that the others select: no limit changes it.
+    def rests(self, request: Request, at: int) -> bool:
+        """Whether the write at this place of several lets the device stand, then and after all: no limit changes it.
 
-        In the mode before, the same value may stand for the greatest speed.
+        In another mode, before or after, the same value may stand for the greatest speed.
         """
         return False
 
-    def leaves_place(self, request: Request) -> bool:
-        """Whether the device may be elsewhere than at its last target after this request: its torque was off."""
-        return False
+    def displaced(self, request: Request) -> tuple[Any, ...]:
+        """Return the devices that may be elsewhere than at their last targets after this request.
+
+        Their torque was off, or the request itself tells their motors what to do.
+        """
+        return ()
 
     def limits_changed(self, limits: Mapping[tuple[Any, str], Limit]) -> None:
         """Called with the limits of targets, at first and after each change."""

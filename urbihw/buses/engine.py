@@ -217,7 +217,8 @@ class Engine:
         if measures.stopped:
             self._link.attempt(lambda: self._driver.safe_stop(measures.stopped))
         if measures.targets:
-            self._link.attempt(lambda: self._reports.post(self._driver.targets(Targets(measures.targets))))
+            paced = Targets(measures.targets, rates=self._gate.set_points.paces(measures.targets))
+            self._link.attempt(lambda: self._reports.post(self._driver.targets(paced)))
         self._reports.post(measures.news)
 
     def _handle_device_return(self, device: Any) -> None:

@@ -101,15 +101,14 @@ class Gate:
         reason = reason or (NO_ORIGIN if message.setting else "")
         if reason and self._driver.request_moves(message):
             return None, [Reply(message.reply_id, False, error=reason)]
-        if self._driver.leaves_place(message):
-            self.set_points.drop_courses((message.device,))
-        clamp = self.set_points.clamp_value
         for implied in self._driver.implied_targets(message):
             limit = self.set_points.find_exceeded_limit(implied)
             if limit:
                 known = implied.value == implied.value  # nan is not
                 why = f"it is beyond {limit}" if known else f"it may exceed {limit}, which cannot be told before"
                 return None, [Reply(message.reply_id, False, error=why)]
+        self.set_points.drop_courses(self._driver.displaced(message))
+        clamp = self.set_points.clamp_value
         if message.verb == "write":
             start = self.set_points.start_ramp
             unheld = self.explain_unheld(message)
@@ -121,8 +120,8 @@ class Gate:
         elif message.verb == "write_all":
             rests = self._driver.rests
             steps = tuple(
-                (item, value if rests(message, item, value) else clamp(message.device, item, value))
-                for item, value in message.value
+                (item, value if rests(message, at) else clamp(message.device, item, value))
+                for at, (item, value) in enumerate(message.value)
             )
             message = replace(message, value=steps)
             for item, value in steps:

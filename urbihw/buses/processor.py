@@ -30,13 +30,13 @@ _MCL_CURRENT, _MCL_FUTURE, _MCL_ONFAULT = 1, 2, 4
 _NS: Final = 1e-9
 
 
-def held_up(process: int | str = "self") -> float:
-    """Return the seconds so far in which the main thread of a process had something to do and no processor; 0 if
+def held_up(process: int | str = "self") -> float | None:
+    """Return the seconds so far in which the main thread of a process had something to do and no processor; None if
     unknown."""
     try:
         return int(Path(f"/proc/{process}/schedstat").read_text("ascii").split()[1]) * _NS
     except (OSError, ValueError, IndexError):
-        return 0.0
+        return None
 
 
 class Processor:
@@ -49,15 +49,15 @@ class Processor:
     def __init__(self) -> None:
         self.scheduling = ORDINARY
 
-    def held_up(self) -> float:
-        """Return the seconds so far in which the worker had something to do and no processor; 0 if unknown."""
-        return 0.0
+    def held_up(self) -> float | None:
+        """Return the seconds so far in which the worker had something to do and no processor; None if unknown."""
+        return None
 
 
 class OwnProcessor(Processor):
     """The processor of a worker that has a process of its own; to be made in its main thread."""
 
-    def held_up(self) -> float:
+    def held_up(self) -> float | None:
         return held_up()
 
     def claim(self) -> None:

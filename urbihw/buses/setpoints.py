@@ -180,6 +180,8 @@ class SetPoints:
 
     def _drop_rivals(self, key: Key) -> None:
         """A motor that was on its way to a place and now turns at a speed does not go on to that place."""
+        if key[1] not in self._driver.exclusive:
+            return
         for item in self._driver.exclusive:
             if item != key[1]:
                 self._drop((key[0], item))
@@ -200,11 +202,11 @@ class SetPoints:
         """
         given: dict[Key, Any] = {}
         for key, raw in values.items():
+            # What is no number ends what was under way, too: a motor that is let go does not go on.
+            self._drop_rivals(key)
             if raw.__class__ is bool or not isinstance(raw, int | float) or math.isnan(raw):
                 given[key] = raw
                 continue
-            if key[1] in self._driver.exclusive:
-                self._drop_rivals(key)
             course = self._courses.get(key)
             if course is None:
                 course = self._courses[key] = _Course()
@@ -230,6 +232,7 @@ class SetPoints:
 
     def clamp_value(self, device: Any, item: str, raw: Any) -> Any:
         """Return a value that is written once, after its limits."""
+        self._drop_rivals((device, item))
         limit = self.limits.get((device, item))
         if limit is None or raw.__class__ is bool or not isinstance(raw, int | float):
             return raw

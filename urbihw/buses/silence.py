@@ -19,21 +19,26 @@ MOST_CREDIT: Final = 5.0
 
 
 class Silence:
-    """The silence of a worker; times in s, `held_up` is the time for which the worker has waited for a processor."""
+    """The silence of a worker; times in s, `held_up` is the time for which the worker has waited for a processor, None
+    while it is unknown: then what was known last counts."""
 
-    def __init__(self, now: float, held_up: float) -> None:
+    def __init__(self, now: float, held_up: float | None) -> None:
         self._heard_at = self._looked_at = now
         self._held_before = held_up
         self.lasted = 0.0
         self._held_up = 0.0
 
-    def look(self, now: float, held_up: float) -> None:
+    def look(self, now: float, held_up: float | None) -> None:
         """The worker is still silent."""
         if now - self._looked_at > CHECK_PERIOD_S + SUSPENDED_AFTER_S:
             # This process was suspended, perhaps the worker too: give the worker a full time-out again.
-            self._heard_at, self._held_before = now, held_up
+            self._heard_at, self._held_before, self._held_up = now, held_up, 0.0
         self._looked_at = now
         self.lasted = now - self._heard_at
+        if held_up is None:
+            return
+        if self._held_before is None:
+            self._held_before = held_up
         self._held_up = held_up - self._held_before
 
     def hangs(self, allowed: float) -> bool:

@@ -107,7 +107,7 @@ class Worker:
         post: Post,
         join: Callable[[float], str | None],
         kill: Callable[[], None] = lambda: None,
-        held_up: Callable[[], float] = lambda: 0.0,
+        held_up: Callable[[], float | None] = lambda: None,
     ) -> None:
         self._url = url
         self._pipe = pipe
@@ -117,6 +117,7 @@ class Worker:
         self._held_up = held_up
         self._silent = False
         self.killed = False
+        self._killed_after = 0.0
         self._lock = threading.Lock()
         self._closed = False
         self._reader = threading.Thread(target=self._read_messages, name=f"reader of {url}", daemon=True)
@@ -273,7 +274,7 @@ class Worker:
             self._pipe.close()
         reason = self._join(5.0)
         if self.killed:
-            reason = f"the bus worker of {self._url} hung for {self._longest_silence():g} s and was killed"
+            reason = f"the bus worker of {self._url} hung for {self._killed_after:.1f} s and was killed"
         if ended is None:
             ended = Ended(reason or f"the bus worker of {self._url} ended without a message")
         self._post(ended)
@@ -294,7 +295,7 @@ class Worker:
                 self._silent = True
                 self._post(WorkerState(f"the bus worker of {self._url} has not answered for {silence.lasted:.1f} s"))
             if silence.hangs(self._longest_silence()) and not self.killed:
-                self.killed = True
+                self.killed, self._killed_after = True, silence.lasted
                 self._kill()
         if self._silent and not self.killed:
             self._silent = False

@@ -280,15 +280,19 @@ class ServoDriver(Driver):
             return ""
         return explain_writes(member, steps_of(request), request.verb == "write", limits)
 
-    def rests(self, request: Request, item: str, value: Any) -> bool:
+    def rests(self, request: Request, at: int) -> bool:
         """A speed of 0 behind the writes that make a wheel of a joint; for a joint that is its full speed."""
-        member = self._table_member(request.device)
-        return member is not None and not value and is_speed_after(member, steps_of(request), item)
+        member, steps = self._table_member(request.device), steps_of(request)
+        name, raw = steps[at]
+        if member is None or raw:
+            return False
+        return is_speed_after(member, steps[:at], name) and is_speed_after(member, steps, name)
 
-    def leaves_place(self, request: Request) -> bool:
+    def displaced(self, request: Request) -> tuple[Any, ...]:
         """Torque, mode, restart and the end of an effort of 0; until then its goal is where it was sent last."""
         member = self._table_member(request.device)
-        return request.verb == "reboot" or (member is not None and leaves_place(member, steps_of(request)))
+        leaves = request.verb == "reboot" or (member is not None and leaves_place(member, steps_of(request)))
+        return (request.device,) if leaves else ()
 
     def limits_changed(self, limits: Mapping[tuple[Any, str], Limit]) -> None:
         """Judge the speed of bodies by them."""

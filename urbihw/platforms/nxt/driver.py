@@ -224,6 +224,12 @@ class NxtDriver(Driver):
         power = int.from_bytes(telegram[2:3], "little", signed=True)
         return [ImpliedTarget(port, "power", power) for port in p.outputs_of(b"\x00" + telegram)]
 
+    def displaced(self, request: Request) -> tuple[Any, ...]:
+        """The motors that a telegram runs or stops."""
+        telegram = request.value
+        is_telegram = request.device == BRICK and isinstance(telegram, bytes)
+        return tuple(p.outputs_of(b"\x00" + telegram)) if is_telegram else ()
+
     def limits_changed(self, limits: Mapping[tuple[Any, str], Limit]) -> None:
         """Go to positions with no more than the power that is allowed."""
         self._motion.limits = limits
