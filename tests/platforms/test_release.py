@@ -100,7 +100,7 @@ def test_who_releases_may_move_and_what_an_order_triggers_too() -> None:
 @pytest.mark.parametrize("waiting", [
     "at (!bioloid.estop) motor6.val = 1;",
     "at (bioloid.estop) {} onleave motor6.val = 1;",
-    "whenever (!bioloid.estop) { motor6.val = 1 };",
+    "whenever (!bioloid.estop) { motor6.val = 1 | sleep(100ms) };",
 ])  # fmt: skip
 def test_the_release_itself_orders_nothing_of_those_who_wait_for_it(waiting: str, when: str) -> None:
     lab = Lab.ready()
