@@ -96,6 +96,19 @@ def test_who_releases_may_move_and_what_an_order_triggers_too() -> None:
     assert lab.number("motor6.val") == pytest.approx(-1.0, abs=0.05)
 
 
+def test_a_servo_that_is_on_obeys_after_a_stop_has_taken_a_second_switching_on() -> None:
+    lab = Lab.ready()
+    lab.say("motor6.load = 1;", 0.3)
+    lab.say("motor6.load = 1; robot.stop;", 0.3)
+    lab.say("motor6.val = 0.5;", 1.5)
+    assert lab.number("motor6.val") == pytest.approx(0.5, abs=0.05)
+    lab.say("motor6.load = 0;", 0.3)
+    lab.say("motor6.load = 1; robot.stop;", 0.3)
+    lab.say("motor6.val = 1;", 1.5)
+    assert lab.number("motor6.val") == pytest.approx(0.5, abs=0.05)
+    assert lab.number("motor6.load") == 0
+
+
 @pytest.mark.parametrize("when", ["before", "while"])
 @pytest.mark.parametrize("waiting", [
     "at (!bioloid.estop) motor6.val = 1;",

@@ -402,14 +402,14 @@ class ServoMotor(ServoBusDevice, EffectorDevice):
             else:
                 self.refused(slot, self.explain_error(reply.error))
                 self.motion.warn(asked, f"{slot} of motor {self.number} not written: {self.explain_error(reply.error)}")
-                # A motor that could not be switched on stays off until ``load`` is written again.
+                # A motor that could not be switched on counts as off, unless its register, read again, says that it is on.
                 self._off = self._off or slot == "load"
                 if slot == "mode":
                     # What was written for that mode means something else in another.
                     self._deferred_writes = {}
                 self._deferred_writes.pop(slot, None)
                 for item, _ in steps:
-                    self.channel.read(self.number, item, lambda read, item=item: self._store_reading(item, read))  # type: ignore[misc]
+                    self.channel.read(self.number, item, lambda read, item=item: self._store_reading(item, read, slot))  # type: ignore[misc]
                 self._show_known()
             if not self._switches and self._limits_wanted == self._limits_planned:
                 self._limits_wanted = {}
@@ -425,9 +425,12 @@ class ServoMotor(ServoBusDevice, EffectorDevice):
         self._update_limits(self.host.now())
         self.update_load(self.host.now())
 
-    def _store_reading(self, item: str, reply: Reply) -> None:
+    def _store_reading(self, item: str, reply: Reply, refused: str) -> None:
+        """Store a register that was read again after a write of the slot ``refused`` was refused."""
         if reply.ok and reply.value is not None:
             self.update_values({item: reply.value}, self.host.now())
+            if refused == "load" and item == "torque_enable" and not self._switches:
+                self._off = not reply.value  # it was on before, and is still
 
     def update_load(self, stamp: float) -> None:
         """Update the slot load from the registers that it depends on."""
