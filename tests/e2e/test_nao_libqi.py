@@ -149,7 +149,7 @@ def test_it_walks_and_a_stop_ends_it(rig: Rig, robot: Robot) -> None:
 
 
 def test_calls_and_events_of_services(rig: Rig, robot: Robot) -> None:
-    assert rig.ask("describe", "ALBattery").value == ["getBatteryCharge"]
+    assert rig.ask("describe", "ALBattery").value == ["exit", "getBatteryCharge", "ping", "version"]
     assert rig.ask("call", "ALBattery", "getBatteryCharge").value == 80
     failed = rig.ask("call", "ALMotion", "getAngles", "Nose", True)
     assert (failed.ok, failed.error) == (False, "ALMotion: Nose is not a recognized joint name")
