@@ -402,7 +402,7 @@ class ServoMotor(ServoBusDevice, EffectorDevice):
             else:
                 self.refused(slot, self.explain_error(reply.error))
                 self.motion.warn(asked, f"{slot} of motor {self.number} not written: {self.explain_error(reply.error)}")
-                # A motor that could not be switched on counts as off until its register, read again, says that it is on.
+                # A motor that could not be switched on counts as off, until its register is read again.
                 self._off = self._off or slot == "load"
                 if slot == "mode":
                     # What was written for that mode means something else in another.
