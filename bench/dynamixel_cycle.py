@@ -35,6 +35,7 @@ from pathlib import Path
 import dynamixel_sdk  # type: ignore[import-untyped]
 import rustypot
 
+from bench import ROOT
 from bench.quick import add_quick
 from urbihw import buses
 from urbihw.buses import messages as m
@@ -66,7 +67,6 @@ FLAT_OUT = 100_000.0
 # A cycle: takes a running number, tells whether all data came.
 Loop = Callable[[int], bool]
 Contender = Callable[[], contextlib.AbstractContextManager[Loop]]
-ROOT = Path(__file__).resolve().parents[1]
 
 
 @dataclass(frozen=True)

@@ -22,16 +22,12 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
+
+from attack_lab import Outcome, run
+from attacks import Attack, find
 
 from urbihw.kernel.server.bounds import HOLD_LIMIT
 from urbihw.kernel.uobject import RobotSettings
-
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.append(str(ROOT / "tests" / "hostile"))
-
-from attack_lab import Outcome, run  # noqa: E402
-from attacks import Attack, find  # noqa: E402
 
 GOAL = 0.05
 """Seconds of processor time at the 99th percentile of the neighbour."""

@@ -16,7 +16,6 @@ import argparse
 import math
 import random
 import statistics
-import sys
 import tempfile
 import time
 from ast import literal_eval
@@ -25,21 +24,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.append(str(ROOT / "tests" / "platforms"))
+from p3dx_lab import Lab
 
-from p3dx_lab import Lab  # noqa: E402
-
-from bench.hall import BOX, BOX_STEP_S, SIZE, START, Hall  # noqa: E402
-from bench.hall_body import HallBody  # noqa: E402
-from urbihw.navigation import extra, maps, navigator  # noqa: E402
-from urbihw.navigation.drawing import Drawing  # noqa: E402
-from urbihw.navigation.frames import Point, Pose, path_length, wrapped  # noqa: E402
-from urbihw.navigation.grid import Grid  # noqa: E402
-from urbihw.navigation.planner import NoPath, plan  # noqa: E402
-from urbihw_fakes.p3dx.body import RADIUS  # noqa: E402
-from urbihw_fakes.p3dx.kit import P3dx as Kit  # noqa: E402
-from urbihw_fakes.p3dx.world import World  # noqa: E402
+from bench import ROOT
+from bench.hall import BOX, BOX_STEP_S, SIZE, START, Hall
+from bench.hall_body import HallBody
+from urbihw.navigation import extra, maps, navigator
+from urbihw.navigation.drawing import Drawing
+from urbihw.navigation.frames import Point, Pose, path_length, wrapped
+from urbihw.navigation.grid import Grid
+from urbihw.navigation.planner import NoPath, plan
+from urbihw_fakes.p3dx.body import RADIUS
+from urbihw_fakes.p3dx.kit import P3dx as Kit
+from urbihw_fakes.p3dx.world import World
 
 SLIP = 0.02
 MIN_WAY = 5.0

@@ -20,12 +20,12 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import usb.backend.libusb1  # type: ignore[import-untyped]
 import usb.util  # type: ignore[import-untyped]
 
+from bench import ROOT
 from bench.quick import add_quick
 from urbihw import buses
 from urbihw.buses import messages as m
@@ -35,7 +35,6 @@ from urbihw.platforms.nxt import protocol as p
 from urbihw.platforms.nxt.exchange import NxtExchange
 
 TURNS = 10
-ROOT = Path(__file__).resolve().parents[1]
 FAMILY = "urbihw.platforms.nxt.driver:NxtDriver"
 PASSES = {"at once": ["--instant"], "1 ms": []}
 

@@ -21,6 +21,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from bench import ROOT
 from bench.quick import add_quick
 from urbihw.buses import messages as m
 from urbihw.buses.link import Context, Link, Url
@@ -40,7 +41,6 @@ from urbihw.robot import ROBOT_LIBRARY
 from urbihw_fakes.p3dx.codec import arcos_packet
 from urbihw_fakes.p3dx.sips import SipFields
 
-ROOT = Path(__file__).resolve().parents[1]
 TICK_PER_SECOND = os.sysconf("SC_CLK_TCK")
 
 

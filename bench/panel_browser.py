@@ -13,20 +13,16 @@ the plots have their full size from the beginning.
 from __future__ import annotations
 
 import statistics
-import sys
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any, Final
+
+from panel_lab import Visitor, open_browser
 
 from urbihw_fakes.bioloid import Bioloid
 from urbihw_fakes.endpoint import PtyEndpoint
-
-sys.path.append(str(Path(__file__).resolve().parents[1] / "tests" / "browser"))
-
-from panel_lab import Visitor, open_browser
 
 WHEEL: Final = "motor6.cwLimit = 0|; motor6.ccwLimit = 0|; motor6.load = 1|;"
 TURN: Final = "motor6.speed = 2;"

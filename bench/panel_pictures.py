@@ -1,8 +1,8 @@
 """Pictures of the panel of every platform, with its simulated robot: for a look at them, and for the README.
 
-    python -m bench.panel_pictures FOLDER                  # control page of every platform, light, dark and phone
-    python -m bench.panel_pictures FOLDER bioloid plots    # one page of one platform
-    python -m bench.panel_pictures --readme                # the two of the README, in docs/pictures
+python -m bench.panel_pictures FOLDER                  # control page of every platform, light, dark and phone
+python -m bench.panel_pictures FOLDER bioloid plots    # one page of one platform
+python -m bench.panel_pictures --readme                # the two of the README, in docs/pictures
 """
 
 from __future__ import annotations
@@ -13,10 +13,9 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-ROOT: Final = Path(__file__).resolve().parents[1]
-sys.path.append(str(ROOT / "tests" / "browser"))
+from panel_lab import Scene, Visitor, open_browser
 
-from panel_lab import Scene, Visitor, open_browser  # noqa: E402
+from bench import ROOT
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

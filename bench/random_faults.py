@@ -13,13 +13,10 @@ import tempfile
 import time
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.append(str(ROOT / "tests" / "platforms"))
+import pytest
+from random_fate import live
 
-import pytest  # noqa: E402
-from random_fate import live  # noqa: E402
-
-from urbihw.platforms import folders  # noqa: E402
+from urbihw.platforms import folders
 
 HEAD = (
     "| robot | simulated | befell it | fastest, of what was told | stood after | nobody asked | processor | verdict |"

@@ -13,16 +13,13 @@ import math
 import os
 import platform
 import re
-import sys
 from collections.abc import Iterable, Iterator
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.append(str(ROOT / "tests" / "e2e"))
+from bounds_lab import BOUND_CASES, BOUND_RIGS, measure_peak
+from faults_lab import EVENTS, Event, Outcome, run
+from moving_robots import RIGS, Rig
 
-from bounds_lab import BOUND_CASES, BOUND_RIGS, measure_peak  # noqa: E402
-from faults_lab import EVENTS, Event, Outcome, run  # noqa: E402
-from moving_robots import RIGS, Rig  # noqa: E402
+from bench import ROOT
 
 PAGE = ROOT / "docs" / "safety.md"
 BEGIN, END = "<!-- measured -->", "<!-- /measured -->"

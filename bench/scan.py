@@ -15,13 +15,12 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
+from bench import ROOT
 from urbihw.buses.servos.line import ServoLine
 from urbihw.buses.servos.survey import BAUDS, survey
 
-ROOT = Path(__file__).resolve().parents[1]
 FULL = [f"AX-12:{number}" for number in range(1, 19)]
 ALONE = ["AX-12:1"]
 

@@ -33,13 +33,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from faults_lab import Daemon
+
 from urbihw_fakes.bioloid import Bioloid
 from urbihw_fakes.endpoint import PtyEndpoint
-
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.append(str(ROOT / "tests" / "e2e"))
-
-from faults_lab import Daemon  # noqa: E402
 
 TIMEOUT_S = 30.0
 """Seconds for which an answer is waited for."""
@@ -51,18 +48,18 @@ HEAD = f"{'minute':>7}{'asked':>8}{'late':>8}{'memory':>16}{'fds':>9}{'jobs / lo
 GROWTH, LEAST_GROWTH, MORE_FILES = 1.05, 3.0, 3
 
 PROGRAMS = (
-    "var n = 0|; at (n > 3) echo(\"high\") onleave echo(\"low\"); for (8) n += 1; n = 0;",
+    'var n = 0|; at (n > 3) echo("high") onleave echo("low"); for (8) n += 1; n = 0;',
     "var e = Event.new|; at (e?(var x) if x > 2) echo(x); for (var i : [1, 2, 3, 4]) e!(i);",
     "var t = Tag.new|; t: every (10ms) { 1 }, sleep(50ms); t.freeze; t.unfreeze; t.stop;",
     "function f(n) { if (n < 2) 1 else n * f(n - 1) }|; f(50);",
     "class A { var x = 1; function up() { x += 1 } }|; var a = A.new|; for (20) a.up; a.x;",
-    "try { nothing } catch (var e) { e.message }; throw 1; [1].nope; \"a\" + 1;",
+    'try { nothing } catch (var e) { e.message }; throw 1; [1].nope; "a" + 1;',
     "var l = []|; for| (var i : 500) l << i; l.map(closure (x) { x * 2 }).size; l.sort.head;",
-    "var d = [\"k\" => 1]|; for| (var i : 200) d[i.asString] = i; d.size; d.keys.size;",
+    'var d = ["k" => 1]|; for| (var i : 200) d[i.asString] = i; d.size; d.keys.size;',
     "{ sleep(10ms); 1 } & { sleep(20ms); 2 }; timeout (20ms) sleep(1s); waituntil (true);",
-    "detach({ sleep(30ms); echo(\"done\") })|; whenever (false) 1; sleep(40ms);",
-    "eval(\"1 + 2\"); Regexp.new(\"(a+)b\").match(\"aaab\"); Date.now.asString.size; motors.size;",
-    "function deep(n) { deep(n + 1) }|; deep(0); var s = \"x\" * 10000|; s.size; wall(\"all\");",
+    'detach({ sleep(30ms); echo("done") })|; whenever (false) 1; sleep(40ms);',
+    'eval("1 + 2"); Regexp.new("(a+)b").match("aaab"); Date.now.asString.size; motors.size;',
+    'function deep(n) { deep(n + 1) }|; deep(0); var s = "x" * 10000|; s.size; wall("all");',
 )
 """What the clients with programs run in turn."""
 
@@ -308,8 +305,11 @@ def main() -> int:
             memory = f"{state.memory:.1f}/{sum(one.memory for one in bus):.1f}"
             files = f"{state.files}/{sum(one.files for one in bus)}"
             late, log = 1000 * max(times, default=0), len(daemon.log().splitlines())
-            print(f"{turn * wanted.every / 60:7.1f}{len(times):8}{late:8.0f}{memory:>16}{files:>9}"
-                  f"{_census(daemon.port):>18}{log:6}{count:8}", flush=True)
+            print(
+                f"{turn * wanted.every / 60:7.1f}{len(times):8}{late:8.0f}{memory:>16}{files:>9}"
+                f"{_census(daemon.port):>18}{log:6}{count:8}",
+                flush=True,
+            )
             if turn * wanted.every >= wanted.minutes * 60 or daemon.process.poll() is not None:
                 break
         soak.over.set()

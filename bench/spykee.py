@@ -19,11 +19,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from bench import ROOT
 from bench.quick import add_quick
 from urbihw_fakes.spykee.device import Spykee
 from urbihw_fakes.spykee.endpoint import SpykeeEndpoint
 
-ROOT = Path(__file__).resolve().parents[1]
 TICKS_PER_SECOND = os.sysconf("SC_CLK_TCK")
 READY_TIMEOUT_S = 15.0
 WORK = (

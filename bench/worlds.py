@@ -24,13 +24,13 @@ from pathlib import Path
 
 import mujoco
 
+from bench import ROOT
 from bench.p3dx import children, used
 from bench.quick import add_quick
 from urbihw.platforms.webots.mujoco_world import MujocoWorld
 from urbihw.platforms.webots.port import WORLDS, bundled_worlds
 from urbihw_fakes.bodies.simulation import Simulation
 
-ROOT = Path(__file__).resolve().parents[1]
 MODELS = ROOT / "fakes" / "urbihw_fakes" / "bodies" / "models"
 BODY_STEP_S = 0.002
 """Step of all bodies here, s, so that they compare; the fakes make steps of 2 to 5 ms."""
