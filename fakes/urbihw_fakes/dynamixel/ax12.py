@@ -20,9 +20,9 @@ from math import exp
 
 from urbihw_fakes.dynamixel import packet1
 from urbihw_fakes.dynamixel.registers import Refusal, Register, Write
+from urbihw_fakes.dynamixel.unit import STEP
 from urbihw_fakes.dynamixel.unit1 import Unit1
 
-STEP = 0.002  # seconds of one step of the physics
 POSITIONS_PER_TURN = 1023 * 360 / 300
 DEGREES = 300 / 1023  # of one position step
 FULL_SPEED = 59 * 6 / DEGREES  # positions/s without load at 12 V: 59 rpm

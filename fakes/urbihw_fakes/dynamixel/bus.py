@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from math import inf
 
 from urbihw_fakes.device import Answer, Device
 from urbihw_fakes.dynamixel import packet1, packet2
 from urbihw_fakes.dynamixel.framer import BROADCAST, Framer, Request
-from urbihw_fakes.dynamixel.unit import Unit, no_callback
+from urbihw_fakes.dynamixel.unit import STEP, Unit, no_callback
 from urbihw_fakes.dynamixel.unit1 import Unit1
 from urbihw_fakes.dynamixel.unit2 import Unit2
 from urbihw_fakes.errors import NoSuchUnit
@@ -56,6 +57,7 @@ class ServoBus(Device):
         self._framer = Framer()
         self._by_id: dict[tuple[int, int], list[Unit]] = {}
         self._stale = False
+        self._advanced = -inf
         self._index()
 
     def __iter__(self) -> Iterator[Unit]:
@@ -81,9 +83,14 @@ class ServoBus(Device):
         self._index()
 
     def tick(self, now: float) -> list[Answer]:
-        """Advance all units to `now`; no unit sends unasked."""
-        for unit in self._units:
-            unit.tick(now)
+        """Advance all units to `now`, or to less than a step of their physics before; no unit sends unasked.
+
+        A unit that is asked something advances to the time of the request by itself.
+        """
+        if not 0.0 <= now - self._advanced < STEP:
+            for unit in self._units:
+                unit.tick(now)
+            self._advanced = now
         return []
 
     def numbers(self) -> tuple[int, ...]:

@@ -15,14 +15,13 @@ from collections.abc import Callable
 from urbihw_fakes.dynamixel import packet1
 from urbihw_fakes.dynamixel.families import FAMILIES, Family
 from urbihw_fakes.dynamixel.registers import Refusal, Register, Write
-from urbihw_fakes.dynamixel.unit import Unit, near
+from urbihw_fakes.dynamixel.unit import STEP, Unit, near
 from urbihw_fakes.dynamixel.unit1 import Unit1
 from urbihw_fakes.dynamixel.unit2 import BAUDS, Unit2
 from urbihw_fakes.errors import UnknownRequest
 
 CLOCKWISE = 1024  # bit 10 of speeds, loads and torques of the older tables
 AMBIENT = 32
-STEP = 0.002  # seconds of one step of the physics
 LAG = 0.03  # seconds by which a joint is behind a moving goal
 NEAR = 0.3  # counts from the goal at which it stands
 WATCHDOG_STEP = 0.02  # s

@@ -8,6 +8,7 @@ from urbihw_fakes.dynamixel.framer import Request
 from urbihw_fakes.dynamixel.registers import Refusal, Register, RegisterFile, Write
 
 BAUD_TOLERANCE = 0.03  # "an error under 3 % is fine"
+STEP = 0.002  # seconds of one step of the physics
 
 
 def near(baud: float, other: float) -> bool:

@@ -9,7 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import sqrt
 
-STEP = 0.002  # seconds of one step of the physics
+from urbihw_fakes.dynamixel.unit import STEP
+
 TIME_CONSTANT = 0.008  # s until the speed is within 1/e of its final value
 FRICTION = 0.01  # of stall torque
 

@@ -18,8 +18,9 @@ from collections.abc import Callable
 from math import exp
 
 from urbihw_fakes.dynamixel.registers import Refusal, Register, Write
+from urbihw_fakes.dynamixel.unit import STEP
 from urbihw_fakes.dynamixel.unit2 import Unit2
-from urbihw_fakes.dynamixel.xmotion import STEP, Motor, Profile
+from urbihw_fakes.dynamixel.xmotion import Motor, Profile
 from urbihw_fakes.dynamixel.xtables import (
     CURRENT,
     CURRENT_POSITION,

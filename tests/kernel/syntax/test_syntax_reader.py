@@ -203,6 +203,14 @@ def test_deep_nesting_that_is_wrong_is_an_error() -> None:
     assert len(typed("#" * 5000 + ";")) == 5000
 
 
+def test_a_cause_is_looked_for_in_a_few_of_many_errors(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each look reads the statement again: for all errors of a statement that took a minute."""
+    looked: list[str] = []
+    monkeypatch.setattr(reader_module, "advice", lambda message, text, span: looked.append(message) or "")
+    typed("#" * 1000 + ";")
+    assert 0 < len(looked) < 20
+
+
 @pytest.fixture
 def narrow(monkeypatch: pytest.MonkeyPatch) -> None:
     """A statement may have few words, and few of them open."""

@@ -36,6 +36,9 @@ MAX_OPEN = 20_000
 MAX_BYTES = 16 * 1024 * 1024
 """Maximum length of a statement in bytes, with its strings, comments and binaries."""
 
+MOST_ADVISED = 8
+"""Number of errors of a statement whose cause is looked for; each takes as long as to read the statement again."""
+
 _OPENING = frozenset("([{")
 _CLOSING = frozenset(")]}")
 
@@ -249,12 +252,13 @@ class StatementReader:
         lines, end_column = lexer.extent
         text, base = lexer.take_text(), lexer.base
         broken, told = False, ""
-        for problem in parser.problems:
+        for number, problem in enumerate(parser.problems):
             pace.step()
-            message = problem.message
-            if message.startswith(UNEXPECTED):
-                message += hint(text, problem.span, base)
-            told, before = advice(problem.message, text, problem.span), told
+            message, before = problem.message, told
+            if number < MOST_ADVISED:
+                if message.startswith(UNEXPECTED):
+                    message += hint(text, problem.span, base)
+                told = advice(problem.message, text, problem.span)
             place = Location.of(problem.span, base)
             items.append(SyntaxProblem(message, place, problem.warning, "" if told == before else told))
             broken = broken or not problem.warning
