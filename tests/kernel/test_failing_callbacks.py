@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import re
 from collections import Counter
+from collections.abc import Iterator
 
 import pytest
 
@@ -117,9 +118,12 @@ class Talk:
 
 
 @pytest.fixture(scope="module")
-def talk() -> Talk:
+def talk() -> Iterator[Talk]:
+    """What other tests have left is frozen: each of some hundred collections would look through it."""
     collect()
-    return Talk()
+    gc.freeze()
+    yield Talk()
+    gc.unfreeze()
 
 
 @pytest.mark.parametrize("kind", CALLBACKS)

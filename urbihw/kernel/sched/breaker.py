@@ -84,8 +84,15 @@ class Breaker:
             self._arm(frame)
 
     def _arm(self, frame: FrameType | None) -> None:
+        """Watch the frames of the program from this one down to the first that is watched already.
+
+        Those below are, too: a frame is watched when it begins, or here.  So a deep stack is walked only once, though a
+        signal comes again and again.
+        """
         while frame is not None:
             if self._scheduler.hooks.is_program(frame):
+                if frame.f_trace is self._opcode_tracer and frame.f_trace_opcodes:
+                    break
                 self._watch(frame)
             frame = frame.f_back
         sys.settrace(self._call_tracer)
