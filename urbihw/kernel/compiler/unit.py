@@ -85,10 +85,13 @@ class FunctionInfo:
 
 @dataclass(slots=True)
 class CompiledUnit:
-    """Generated code of one statement; may be run many times, at different places."""
+    """Generated code of one statement; may be run many times, at different places.
+
+    ``entries`` returns the table of its ``LineMap``.
+    """
 
     code: CodeType
-    entries: list[MappedPlace]
+    entries: Callable[[], list[MappedPlace]]
     constants: list[FunctionInfo]
     syntax: Syntax
     pieces: list[CodeType]
