@@ -53,6 +53,7 @@ long: .venv/installed-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m long $(ARGS)
 
 bench: .venv/installed-dev .venv/installed-mujoco
+	$(BIN)/python -m bench.start
 	$(BIN)/python -m bench.kernel_bench
 	$(BIN)/python -m bench.dynamixel_cycle
 	$(BIN)/python -m bench.segway
