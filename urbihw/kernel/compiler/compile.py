@@ -83,7 +83,9 @@ def _compile(
     pieces = [] if pace is None else cut(function, pace)
     tree = pyast.Module([function], []) if keep_tree else None
     entries = writer.entries
-    return CompiledUnit(code_of(function), lambda: entries, writer.constants, writer.syntax, pieces, tree)
+    return CompiledUnit(
+        code_of(function), lambda: entries, writer.has_bounced, writer.constants, writer.syntax, pieces, tree
+    )
 
 
 @contextmanager

@@ -96,19 +96,20 @@ def pack(part: Compiled) -> bytes:
         (info.least, info.most, info.lazy, info.uses_call, info.closure, info.formals, info.index)
         for info in unit.constants
     ]
-    content = (unit.code, unit.pieces, entries, infos, unit.syntax.pack(), tuple(part.base), part.separator)
+    table = (entries, unit.has_bounced)
+    content = (unit.code, unit.pieces, table, infos, unit.syntax.pack(), tuple(part.base), part.separator)
     return marshal.dumps(content)
 
 
 def unpack(packed: bytes) -> Compiled:
     """Deserialize a statement; may raise any error for data that ``pack`` has not made."""
-    code, pieces, entries, infos, syntax, base, separator = marshal.loads(packed)
+    code, pieces, (entries, has_bounced), infos, syntax, base, separator = marshal.loads(packed)
     cold = Syntax(packed=syntax)
     constants = [
         FunctionInfo(least, most, lazy, uses_call, closure, formals, cold, index)
         for least, most, lazy, uses_call, closure, formals, index in infos
     ]
-    unit = CompiledUnit(code, cache(partial(_table, entries)), constants, cold, pieces)
+    unit = CompiledUnit(code, cache(partial(_table, entries)), has_bounced, constants, cold, pieces)
     return Compiled(unit, Position(*base), separator)
 
 

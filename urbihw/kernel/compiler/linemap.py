@@ -40,23 +40,25 @@ class LineMap:
     for it.
     """
 
-    __slots__ = ("_entries", "_has_bounced", "base", "late_units", "syntax", "system")
+    __slots__ = ("_entries", "base", "has_bounced", "late_units", "syntax", "system")
 
-    def __init__(self, entries: Callable[[], list[MappedPlace]], base: Position, system: bool, syntax: object) -> None:
-        """``entries`` returns the table, which most statements never need."""
+    def __init__(
+        self,
+        entries: Callable[[], list[MappedPlace]],
+        has_bounced: bool,
+        base: Position,
+        system: bool,
+        syntax: object,
+    ) -> None:
+        """``entries`` returns the table, which most statements never need; ``has_bounced``: it has arguments of calls
+        that bounce to the lobby.
+        """
+        self.has_bounced = has_bounced
         self._entries = entries
         self.base = base
         self.system = system
         self.syntax = syntax
-        self._has_bounced: bool | None = None
         self.late_units: dict[Any, tuple[Any, Any]] = {}
-
-    @property
-    def has_bounced(self) -> bool:
-        """Whether there are arguments of calls that bounce to the lobby."""
-        if self._has_bounced is None:
-            self._has_bounced = any(entry.in_bounced for entry in self._entries())
-        return self._has_bounced
 
     def frames(self, index: int, bounces: bool = False) -> list[MappedCall]:
         """The urbiscript call frames of one instruction, innermost first; ``bounces``: ``this`` is not the lobby."""

@@ -99,6 +99,8 @@ class Writer:
         """The number of entries that are not part of the expression under construction any more."""
         self.around = NO_CALL
         """The invisible call around what is written."""
+        self.has_bounced = False
+        """Whether some of them bounce to the lobby."""
         self.counter = 0
         self.copies = 1
         """The number of copies that Python makes of the code under construction, in ``finally`` clauses."""
@@ -123,6 +125,7 @@ class Writer:
     def within(self, around: InvisibleCall) -> Iterator[None]:
         """What is written meanwhile is in an invisible call."""
         before, self.around = self.around, around
+        self.has_bounced = self.has_bounced or around.bounced
         yield
         self.around = before
 

@@ -120,6 +120,7 @@ class _Form:
         literals = [f'"{each}"' if isinstance(each, str) else repr(each) for each in stand_ins] + [""]
         unit = compile_(_node("".join([x + y for x, y in zip(bones.split("\0"), literals, strict=True)])))
         self._code, self._places = unit.code, _Places(unit.code, stand_ins)
+        self._has_bounced = unit.has_bounced
         self.usable = not unit.constants and not unit.pieces and self._places.all_literals() == set(range(len(kinds)))
         if self.usable:
             meant = self._compile(_node(text)).code
@@ -133,7 +134,7 @@ class _Form:
             self._last = _Real(text, self._compile)
         real = self._last
         code = self._places.filled(self._code, values)
-        return CompiledUnit(code, lambda: real.get().entries(), [], _Syntax(real), [])
+        return CompiledUnit(code, lambda: real.get().entries(), self._has_bounced, [], _Syntax(real), [])
 
 
 class _Places:
