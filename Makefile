@@ -66,7 +66,7 @@ bench: .venv/installed-dev .venv/installed-mujoco
 	$(BIN)/python -m bench.worlds
 
 small-board: .venv/installed-dev
-	$(BIN)/python -m bench.small_board $(ARGS)
+	$(BIN)/python -m bench.small_board --page docs/performance.md $(ARGS)
 
 fuzz: .venv/installed-dev
 	$(BIN)/python -m pytest -s tests/hostile/test_fuzz.py $(ARGS)
