@@ -5,6 +5,7 @@
 #   make test    lint, strict types and tests
 #   make long    the tests that take longest, before a release
 #   make bench   measure, beside plain Python and the other drivers
+#   make small-board  measure on a quarter of a core, as a small board has it; nothing else must run
 #   make fuzz    random programs (URBIHW_FUZZ_SECONDS=3600 for an hour, URBIHW_SEED=7 for another beginning)
 #   make mutants sabotages of the sources that the tests must notice; ARGS=engine.py for some of them
 #   make hostile all attacks of tests/hostile, beside a neighbour; ARGS="regexp TLS" for some of them
@@ -29,7 +30,7 @@ PIP = $(BIN)/python -m pip --disable-pip-version-check install --quiet --no-comp
 
 # Pieces of `make test`, each to be run alone while working.  Tests in real time (e2e) come last, apart from the hard work;
 # as they mostly wait, there are two for each processor.  Those that fail are run once more, alone: see CONTRIBUTING.md.
-.PHONY: run test lint types check long bench fuzz mutants hostile witnesses soak deb clean
+.PHONY: run test lint types check long bench small-board fuzz mutants hostile witnesses soak deb clean
 
 run: .venv/installed $(if $(filter webots,$(PLATFORM)),.venv/installed-mujoco)
 	$(BIN)/urbihw serve --platform $(PLATFORM) $(if $(filter webots,$(PLATFORM)),,--fake) $(if $(PANEL),--web) $(ARGS)
@@ -52,6 +53,7 @@ long: .venv/installed-dev
 	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m long $(ARGS)
 
 bench: .venv/installed-dev .venv/installed-mujoco
+	$(BIN)/python -m bench.start
 	$(BIN)/python -m bench.kernel_bench
 	$(BIN)/python -m bench.dynamixel_cycle
 	$(BIN)/python -m bench.segway
@@ -62,6 +64,9 @@ bench: .venv/installed-dev .venv/installed-mujoco
 	$(BIN)/python -m bench.remote
 	$(BIN)/python -m bench.stop
 	$(BIN)/python -m bench.worlds
+
+small-board: .venv/installed-dev
+	$(BIN)/python -m bench.small_board --page docs/performance.md $(ARGS)
 
 fuzz: .venv/installed-dev
 	$(BIN)/python -m pytest -s tests/hostile/test_fuzz.py $(ARGS)

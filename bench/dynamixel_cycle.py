@@ -318,9 +318,9 @@ def rusty(kit: Fake, protocol: int) -> Iterator[Loop]:
 
 
 @contextlib.contextmanager
-def sdk(kit: Fake, protocol: int) -> Iterator[Loop]:
-    """dynamixel-sdk's cycle; it spins while it waits."""
-    port = dynamixel_sdk.PortHandler(kit.path)
+def sdk(path: str, protocol: int) -> Iterator[Loop]:
+    """dynamixel-sdk's cycle over the device of a fake; it spins while it waits."""
+    port = dynamixel_sdk.PortHandler(path)
     port.openPort()
     port.setBaudRate(BAUD)
     handler = dynamixel_sdk.PacketHandler(float(protocol))
@@ -402,26 +402,6 @@ def child_seconds() -> float:
     return total
 
 
-@contextlib.contextmanager
-def processor_share(share: float) -> Iterator[Callable[[int], object]]:
-    """A group of processes that together get a share of a core, 1 ms at a time; yields what adds one by its id.
-
-    Raises OSError where that is not allowed.
-    """
-    root = Path("/sys/fs/cgroup")
-    period = round(1000 / share)
-    first = not (root / "cgroup.controllers").exists()
-    group = (root / "cpu" if first else root) / "urbihw-bench"
-    limits = {"cpu.cfs_period_us": period, "cpu.cfs_quota_us": 1000} if first else {"cpu.max": f"1000 {period}"}
-    group.mkdir(exist_ok=True)
-    try:
-        for name, value in limits.items():
-            (group / name).write_text(str(value), encoding="ascii")
-        yield lambda pid: (group / "cgroup.procs").write_text(str(pid), encoding="ascii")
-    finally:
-        group.rmdir()
-
-
 def throughput(protocol: int, amounts: Amounts) -> None:
     """Print the table of rates of one protocol."""
     limit = wire_limit(protocol)
@@ -435,7 +415,7 @@ def throughput(protocol: int, amounts: Amounts) -> None:
             "bare loop, no decoding": lambda: bare(kit, protocol),
             "urbihw cycle": lambda: ours(kit, protocol),
             "rustypot": lambda: rusty(kit, protocol),
-            "dynamixel-sdk": lambda: sdk(kit, protocol),
+            "dynamixel-sdk": lambda: sdk(kit.path, protocol),
         }
         limits = dict.fromkeys(contenders, limit)
         if protocol == 2:
@@ -469,24 +449,6 @@ def busy_cores(amounts: Amounts) -> None:
             rate, share = worker_numbers(kit, 1, 100.0, amounts.seconds, realtime)
             how = "in real time, if allowed" if realtime else "as any program"
             print(f"  every core busy, worker {how}: {rate:.1f} Hz of 100, {100 * share:.1f} % of a core", flush=True)
-
-
-def small_board(amounts: Amounts) -> None:
-    """Print the rates of a worker that gets a part of a core, as on a board that is slower by as much."""
-    for protocol in (1, 2):
-        with fake(protocol, amounts.paced, spins=False) as kit:
-            kit.take_real_time()
-            for share in (0.5, 0.25):
-                try:
-                    with processor_share(share) as add:
-                        rates = [
-                            worker_numbers(kit, protocol, asked, amounts.seconds, begun=add)[0] for asked in (50, 100)
-                        ]
-                except OSError as error:
-                    print(f"  {share:.0%} of a core: not to be had here ({error.strerror})", flush=True)
-                    continue
-                shown = ", ".join(f"{rate:.1f} Hz of {asked}" for rate, asked in zip(rates, (50, 100), strict=True))
-                print(f"  protocol {protocol}.0, worker with {share:.0%} of a core: {shown}", flush=True)
 
 
 def simulated_rate(asked: float) -> float:
@@ -577,7 +539,6 @@ def main() -> None:
         throughput(protocol, amounts)
     print()
     busy_cores(amounts)
-    small_board(amounts)
     asked_and_achieved()
     print()
     for protocol in (1, 2):

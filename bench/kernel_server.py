@@ -14,7 +14,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from bench.rows import COLUMNS, row
@@ -69,13 +69,19 @@ INSTALLED = {name: value for name, value in os.environ.items() if name != "PYTHO
 
 
 @contextlib.contextmanager
-def served(*arguments: str) -> Iterator[tuple[int, socket.socket, float]]:
-    """A server process told to write its port to a file: its process id, a connection, and how long that took."""
+def served(
+    *arguments: str, begun: Callable[[int], object] = lambda pid: None
+) -> Iterator[tuple[int, socket.socket, float]]:
+    """A server process told to write its port to a file: its process id, a connection, and how long that took.
+
+    ``begun`` is called with its process id at once.
+    """
     with tempfile.TemporaryDirectory() as folder:
         port_file = Path(folder) / "port"
         began = time.perf_counter()
         command = [sys.executable, *arguments, str(port_file)]
         process = subprocess.Popen(command, stdin=subprocess.DEVNULL, env=INSTALLED)
+        begun(process.pid)
         try:
             while not port_file.exists() or not port_file.read_text().endswith("\n"):
                 if process.poll() is not None or time.perf_counter() - began > 30:

@@ -53,6 +53,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.kernel.uobject",
     ),
     "urbihw.kernel.stdlib": (
+        "urbihw.release",
         "urbihw.kernel.errors",
         "urbihw.kernel.value",
         "urbihw.kernel.compiler",
@@ -109,6 +110,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.control_address": (),
     # The client's side of that socket: for the commands, the gateway and the metrics.
     "urbihw.control_line": ("urbihw.control_address",),
+    # The version that is installed.
+    "urbihw.release": (),
     # How an extra is installed: for who has to say so.
     "urbihw.extras": (),
     # Wires and robots.
@@ -210,6 +213,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw_nao_fakes": ("urbihw_fakes",),
     # The ways in.  "urbihw.kernel" alone is its door, Kernel; "urbihw.platforms" alone is the loader.
     "urbihw.daemon": (
+        "urbihw.release",
         "urbihw.kernel",
         "urbihw.kernel.process",
         "urbihw.kernel.uobject",
@@ -231,6 +235,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.buses.verdict",
     ),
     "urbihw.cli": (
+        "urbihw.release",
         # To look at a simulated world.
         "urbihw.platforms.scene",
         # The rule for the names of motions, checked before a server is asked.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import tomllib
@@ -40,6 +41,47 @@ def test_the_entry_points_import_nothing_that_takes_long() -> None:
     program = "import sys; import urbihw.cli.entry; print(*sys.modules)"
     shown = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
     assert not {"argparse", "asyncio", "logging", "socket", "urbihw.cli.main", "urbihw.kernel"} & set(shown.split())
+
+
+MAILS = {"email.message", "importlib.metadata"}
+"""What `importlib.metadata` imports, and nothing else here needs."""
+DAEMONS = {"asyncio", "urbihw.kernel", "urbihw.platforms", "logging", *MAILS}
+UNIMPORTED = {
+    ("--version",): DAEMONS,
+    ("estop",): {"argparse", "dataclasses", "inspect", *DAEMONS},
+    ("status",): DAEMONS - {"logging"},
+    # This machine has no such address, so the start ends when the robot has been imported.
+    ("serve", "--platform", "bioloid", "--fake", "--host", "192.0.2.1"): {
+        *MAILS, "importlib.resources", "numpy", "lark", "zeroconf", "PIL",
+    },
+}  # fmt: skip
+"""What a command must not import, as its start would take longer (`python -m bench.start --modules 20`)."""
+
+
+@pytest.mark.parametrize("words", UNIMPORTED, ids=lambda words: words[0])
+def test_a_command_imports_only_what_it_needs(words: tuple[str, ...], tmp_path: Path) -> None:
+    program = (
+        "import atexit, sys; atexit.register(lambda: print('modules:', *sys.modules))\n"
+        "from urbihw.cli.entry import urbihw; urbihw()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, *words], capture_output=True, text=True, check=False,
+        env={**os.environ, "XDG_RUNTIME_DIR": str(tmp_path)},
+    )  # fmt: skip
+    shown = done.stdout.rpartition("modules:")[2].split()
+    assert "urbihw.cli.entry" in shown, done.stderr
+    assert "serve" not in words or "urbihw.platforms.bioloid.robot" in shown, done.stderr
+    assert not UNIMPORTED[words] & set(shown)
+
+
+def test_what_is_imported_at_the_start_is_left_out_of_collections() -> None:
+    program = (
+        "import gc; from urbihw.cli.program import program\n"
+        "before = gc.get_freeze_count(); program('urbihw.cli.status')\n"
+        "print(before, gc.get_freeze_count() > 10_000, gc.isenabled())"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout == "0 True True\n"
 
 
 def test_an_entry_point_is_the_command() -> None:

@@ -68,7 +68,7 @@ class Trial:
         self._patience = patience
         self._kernel = kernel or Kernel(fast=True, libraries=(ROBOT_LIBRARY,))
         self._scheduler = self._kernel.scheduler
-        self._scheduler.max_jobs_per_context = JOBS
+        self._scheduler.shares.max_of_one = JOBS
         self._rounds = 0
         self._most = 0
         self._scheduler.add_round_hook(self._round_over)

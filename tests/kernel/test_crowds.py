@@ -71,7 +71,7 @@ def test_a_hundred_thousand_events_are_all_handled(talk: Talk) -> None:
 
 
 def test_events_beyond_the_most_jobs_are_refused_to_who_emits(talk: Talk) -> None:
-    talk.kernel.scheduler.max_total_jobs = 5000
+    talk.kernel.scheduler.shares.max_total = 5000
     talk.say("var n = 0|; var e = Event.new|; var t = Tag.new|; t: at (e?) { n += 1 },")
     assert talk.say("for| (10000) e!;", 60)[0].endswith(": too many jobs")
     assert talk.say("n < 5000;") == ["[] true"]

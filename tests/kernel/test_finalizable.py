@@ -34,7 +34,7 @@ def test_an_object_whose_job_was_refused_leaves_the_others_theirs() -> None:
     lobby = kernel.open_lobby()
     kernel.run_text(lobby, MORTAL)
     scheduler = kernel.scheduler
-    scheduler.max_jobs_per_context = scheduler.jobs_of(lobby) + 3
+    scheduler.shares.max_of_one = scheduler.shares.of(lobby) + 3
     text = """
         for (var round = 0; round < 2; round += 1) {
           var l = []|

@@ -61,10 +61,10 @@ def test_no_job_outlives_its_connection(talk: Talk, program: str, separator: str
     client = talk.open()
     talk.say('var Global.t = Tag.new("t");')
     talk.say(program + separator, client)
-    assert talk.scheduler.jobs_of(client)
+    assert talk.scheduler.shares.of(client)
     client.close()
     talk.run(0.0)
-    assert not talk.scheduler.jobs_of(client)
+    assert not talk.scheduler.shares.of(client)
     assert talk.say("40 + 2;") == ["42"]
 
 
@@ -155,7 +155,7 @@ def test_a_clause_that_waits_ends_some_time_after_its_client(talk: Talk, program
     talk.say(program + separator, client)
     client.close()
     talk.run(FINALLY_TIMEOUT_S + 0.1)
-    assert not talk.scheduler.jobs_of(client)
+    assert not talk.scheduler.shares.of(client)
 
 
 def test_a_clause_has_its_time_when_its_client_goes(talk: Talk) -> None:
@@ -179,4 +179,4 @@ def test_the_main_job_ends_with_its_client_whatever_ended_the_statement(talk: Ta
     client = talk.open()
     talk.say("quit; sleep(1h);", client)
     talk.run(0.0)
-    assert not talk.scheduler.jobs_of(client)
+    assert not talk.scheduler.shares.of(client)

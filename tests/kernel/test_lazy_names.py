@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from urbihw.kernel import Kernel
 from urbihw.kernel.compiler import compile_node
+from urbihw.kernel.compiler.cache import MAX_UNITS
 from urbihw.kernel.runtime.slots import STRICT_NAMES
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.syntax.reader import Statement, parse_program
@@ -102,3 +103,23 @@ def test_clients_with_and_without_a_lazy_name_share_no_template() -> None:
     for number in range(1, 5):
         assert kernel.run_text(first, f"add({number}, 1 / 0);") == "[00000000] 2\n"
         assert kernel.run_text(second, f"add({number}, 1);") == f"[00000000] {number + 1}\n"
+
+
+def test_lazy_names_that_a_statement_does_not_use_make_no_further_copy_of_its_code() -> None:
+    kernel = Kernel(SimClock())
+    lobbies = [kernel.open_lobby() for _ in range(3)]
+    for number, lobby in enumerate(lobbies):
+        assert kernel.run_text(lobby, f"function mine{number} {{ call.args.size }}|;") == ""
+    before = len(kernel.programs.units)
+    for lobby in lobbies:
+        assert kernel.run_text(lobby, "nil.isNil;") == "[00000000] true\n"
+    assert len(kernel.programs.units) == before + 1
+
+
+def test_the_cache_of_compiled_statements_is_bounded() -> None:
+    kernel = Kernel(SimClock())
+    lobby = kernel.open_lobby()
+    kernel.run_text(lobby, "".join(f"var v{number};" for number in range(MAX_UNITS + 20)))
+    assert len(kernel.programs.units) == MAX_UNITS
+    kernel.run_text(lobby, "Float.'*' = function(x) { 7 }|; 2 * 3;")
+    assert len(kernel.programs.units) <= 2

@@ -217,7 +217,7 @@ ENDLESS = {
 def test_endless_recursion_ends_that_job_only(talk: Talk, caplog: pytest.LogCaptureFixture, kind: str) -> None:
     setup, start = ENDLESS[kind]
     jobs, timers = len(talk.kernel.scheduler.jobs), len(talk.kernel.scheduler.timers)
-    talk.kernel.scheduler.max_total_jobs = 2000
+    talk.kernel.scheduler.shares.max_total = 2000
     talk.say(setup)
     answer = talk.say(start)
     told = [line for line in answer if "called from" not in line]

@@ -48,7 +48,7 @@ def test_what_fails_at_the_end_of_a_connection_keeps_the_rest_from_nothing(kerne
         lobby.close()
     kernel.scheduler.run_simulated(5)
     assert heard == [lobby]
-    assert kernel.scheduler.jobs_of(lobby) == 0
+    assert kernel.scheduler.shares.of(lobby) == 0
     assert said(kernel, other, "6 * 7;") == ["[] 42"]
 
 
@@ -65,4 +65,4 @@ def test_a_shell_that_fails_to_end_does_not_keep_the_jobs_of_its_connection(
     monkeypatch.setattr(lobby.shell, "close", fail)
     lobby.close()
     kernel.scheduler.run_simulated(5)
-    assert kernel.scheduler.jobs_of(lobby) <= 1  # its main job, which has not ended
+    assert kernel.scheduler.shares.of(lobby) <= 1  # its main job, which has not ended

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -10,7 +11,10 @@ from urbihw.kernel import Kernel
 from urbihw.kernel.compiler import CompiledUnit, compile_node
 from urbihw.kernel.lobby import templates
 from urbihw.kernel.lobby.templates import MAX_SKELETON_LENGTH, MAX_TEMPLATE_TEXT, TemplateUse, skeleton
+from urbihw.kernel.runtime.backtrace import Stack, later_stack
+from urbihw.kernel.runtime.code import make_primitive
 from urbihw.kernel.sched.clock import SimClock
+from urbihw.kernel.value import Value
 
 
 class Console:
@@ -117,6 +121,32 @@ def test_the_third_statement_of_a_kind_is_neither_read_nor_compiled(monkeypatch:
     assert len(compiled) == number
     known = console.kernel.programs.read.get('o.f("k", 5);')
     assert isinstance(known.node, TemplateUse)
+
+
+def test_the_place_of_a_statement_is_noted_without_reading_it_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As each write of a variable that moves something does, so that its log can tell where it was asked for."""
+    console, compiled = Console(), []
+    noted: list[Callable[[], Stack]] = []
+
+    def counting(*args: Any, **named: Any) -> CompiledUnit:
+        compiled.append(args)
+        return compile_node(*args, **named)
+
+    monkeypatch.setattr(templates, "compile_node", counting)
+
+    def note(this: Value, value: Value) -> Value:
+        noted.append(later_stack())
+        return value
+
+    world = console.kernel.world
+    world.global_.slots["note"] = make_primitive(world, "note", note, 1, 1)
+    console.say("note(1); note(2); note(3);\necho(note(1)); echo(note(2)); echo(note(3));\n")
+    noted.clear()
+    number = len(compiled)
+    assert console.say("note(44);").endswith("] 44\n") and console.say("echo(note(55));").endswith("*** 55\n")
+    assert len(compiled) == number
+    assert [str(stack().location) for stack in noted] == ["3.1-8", "3.15-22"]
+    assert [stack().routine for stack in noted] == ["note", "note"]
 
 
 def test_lines_with_a_lazy_function_of_the_client_itself_are_compiled_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -105,11 +105,11 @@ def test_a_subscription_ends_with_its_connection_whatever_its_tags(kernel: Kerne
     client, other = Client(kernel), Client(kernel)
     client.say('var x = 1; disown(Subscription.new("A", ["x"], 50)); Subscription.new("B", ["x"], 50)|; '
                'function slow() { sleep(1h) }; get y() { slow }; Subscription.new("C", ["y"], 50)|;', 1.0)
-    before = kernel.scheduler.jobs_of(client.lobby)
+    before = kernel.scheduler.shares.of(client.lobby)
     client.lobby.close()
     other.say("", 3.0)
     assert before > 3
-    assert kernel.scheduler.jobs_of(client.lobby) == 0
+    assert kernel.scheduler.shares.of(client.lobby) == 0
     assert client.lobby.holdings.held() == []
 
 

@@ -68,7 +68,7 @@ def test_what_fails_is_told_to_its_lobby_and_the_rest_is_handled(lab: Lab) -> No
 
 def test_who_has_too_many_jobs_is_served_when_there_is_room_again(lab: Lab) -> None:
     lab.kernel.run_text(lab.one, "for| (10) detach({ sleep(1s) });", 0.5)
-    lab.scheduler.max_jobs_per_context = 5
+    lab.scheduler.shares.max_of_one = 5
     lab.service.queue_event(lab.one, lab.note("late"))
     lab.service.queue_event(lab.other, lab.note("soon"))
     lab.run(0.9)

@@ -115,7 +115,7 @@ def test_a_job_that_is_stopped_waits_no_more(talk: Talk) -> None:
     talk.lobby.feed(f"var t = Tag.new|; t: Regexp.new({ENDLESS}).match({TEXT}),".encode())
     talk.kernel.run()
     assert talk.ask("t.stop; 40 + 2;") == "42"
-    assert talk.kernel.scheduler.jobs_of(talk.lobby) == 1
+    assert talk.kernel.scheduler.shares.of(talk.lobby) == 1
     assert talk.ask('Regexp.new("b").match("a" * 10000 + "b");') == "true"
 
 

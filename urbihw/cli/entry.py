@@ -51,9 +51,9 @@ def guarded(work: Callable[[], int | None]) -> int | None:
 
 def _run(command: str) -> int:
     try:
-        from importlib import import_module
+        from urbihw.cli.program import program
 
-        code: int = import_module(MODULES[command]).main()
+        code: int = program(MODULES[command]).main()
     except KeyboardInterrupt:
         return INTERRUPTED
     return code

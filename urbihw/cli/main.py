@@ -10,11 +10,11 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from importlib import import_module
 from typing import Any, Final, NoReturn
 
 from urbihw.cli.entry import guarded
 from urbihw.cli.options import VersionAction
+from urbihw.cli.program import program
 from urbihw.exitcodes import EX_CONFIG
 
 COMMANDS: Final = {
@@ -78,7 +78,7 @@ def full_parser() -> CommandParser:
 
 
 def _module(command: str) -> Any:
-    return import_module(f"urbihw.cli.{command.replace('-', '_')}")
+    return program(f"urbihw.cli.{command.replace('-', '_')}")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Final, NoReturn
 
 from urbihw.exitcodes import EX_NOINPUT, EX_UNAVAILABLE, EX_USAGE
+from urbihw.release import installed_version
 
 DEFAULT_PORT: Final = 54000
 _PORT: Final = re.compile("-1|[0-9]{1,5}")
@@ -29,7 +30,7 @@ class CliRefused(Exception):
 
 
 class VersionAction(argparse.Action):
-    """``--version``.  The version is looked up only on request, since it would slow every start down."""
+    """``--version``."""
 
     def __init__(self, option_strings: Sequence[str], dest: str, *, text: str) -> None:
         """``text`` contains ``{}`` for the version."""
@@ -38,9 +39,7 @@ class VersionAction(argparse.Action):
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         """Print the version and exit."""
-        from importlib.metadata import version
-
-        print(self._text.format(version("urbihw")))
+        print(self._text.format(installed_version()))
         parser.exit()
 
 

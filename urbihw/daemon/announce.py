@@ -11,8 +11,9 @@ import logging
 import socket
 import threading
 from collections.abc import Iterable
-from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Final
+
+from urbihw.release import installed_version
 
 if TYPE_CHECKING:
     from zeroconf import ServiceInfo, Zeroconf
@@ -84,7 +85,7 @@ class Announcement:
             f"{service_name(self._platform, self._port, machine)}.{SERVICE_TYPE}",
             port=self._port,
             parsed_addresses=self._addresses,
-            properties={"platform": self._platform, "version": _version(), "tls": "1" if self._tls else "0"},
+            properties={"platform": self._platform, "version": installed_version(), "tls": "1" if self._tls else "0"},
             server=f"{machine.partition('.')[0]}.local.",
         )
 
@@ -94,10 +95,3 @@ def _own_addresses() -> list[str]:
 
     found = [str(each.ip) for adapter in ifaddr.get_adapters() for each in adapter.ips if each.is_IPv4]
     return [text for text in found if not ipaddress.ip_address(text).is_loopback]
-
-
-def _version() -> str:
-    try:
-        return version("urbihw")
-    except PackageNotFoundError:
-        return ""

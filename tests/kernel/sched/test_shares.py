@@ -10,7 +10,8 @@ from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.sched.errors import TooManyJobs
 from urbihw.kernel.sched.hooks import SchedulerHooks
 from urbihw.kernel.sched.job import Job
-from urbihw.kernel.sched.scheduler import RESERVED_JOBS, Scheduler
+from urbihw.kernel.sched.scheduler import Scheduler
+from urbihw.kernel.sched.shares import RESERVED_JOBS
 
 REFUSED = "too many jobs: 300 of this connection"
 
@@ -20,7 +21,7 @@ class Talk:
 
     def __init__(self) -> None:
         self.kernel = Kernel(fast=True)
-        self.kernel.scheduler.max_jobs_per_context = 300
+        self.kernel.scheduler.shares.max_of_one = 300
         self.lobby = self.kernel.open_lobby("127.0.0.1")
         self.other = self.kernel.open_lobby("127.0.0.1")
         self.kernel.run()
@@ -35,7 +36,7 @@ class Talk:
 
     def jobs(self, lobby: Lobby) -> int:
         """How many jobs a connection has besides its main one."""
-        return self.kernel.scheduler.jobs_of(lobby) - 1
+        return self.kernel.scheduler.shares.of(lobby) - 1
 
 
 @pytest.fixture
@@ -87,7 +88,7 @@ def test_the_error_can_be_caught(talk: Talk) -> None:
 
 def scheduler_with(most: int, of_one: int, hooks: SchedulerHooks | None = None) -> Scheduler:
     made = Scheduler(SimClock(), hooks=hooks)
-    made.max_total_jobs, made.max_jobs_per_context = most, of_one
+    made.shares.max_total, made.shares.max_of_one = most, of_one
     return made
 
 
@@ -100,11 +101,11 @@ def test_jobs_are_counted_until_they_are_over() -> None:
     scheduler = scheduler_with(1000, 10)
     first = waiting(scheduler, "a", 10)
     scheduler.run()
-    assert (scheduler.jobs_of("a"), scheduler.jobs_of("b")) == (10, 0)
+    assert (scheduler.shares.of("a"), scheduler.shares.of("b")) == (10, 0)
     for job in first:
         scheduler.kill(job)
     scheduler.run()
-    assert scheduler.jobs_of("a") == 0
+    assert scheduler.shares.of("a") == 0
 
 
 def test_a_job_that_is_refused_fails_when_it_begins_if_nobody_can_be_told() -> None:
@@ -117,7 +118,7 @@ def test_a_job_that_is_refused_fails_when_it_begins_if_nobody_can_be_told() -> N
     waiting(scheduler, "a", 11)
     scheduler.run()
     assert failed == [("a", "too many jobs: 10 of this connection")]
-    assert scheduler.jobs_of("a") == 10
+    assert scheduler.shares.of("a") == 10
 
 
 def test_a_job_with_a_parent_is_refused_to_the_parent() -> None:
@@ -134,7 +135,7 @@ def test_with_too_many_in_all_whoever_has_few_may_still_make_some() -> None:
     waiting(scheduler, "second", 100)
     modest = waiting(scheduler, "modest", RESERVED_JOBS)
     scheduler.run()
-    assert scheduler.jobs_of("modest") == RESERVED_JOBS
+    assert scheduler.shares.of("modest") == RESERVED_JOBS
     with pytest.raises(TooManyJobs, match=r"^too many jobs$"):
         scheduler.spawn(lambda: None, parent=modest[0])
 
@@ -143,4 +144,4 @@ def test_jobs_of_the_kernel_are_never_refused() -> None:
     scheduler = scheduler_with(10, 10)
     waiting(scheduler, None, 50)
     scheduler.run()
-    assert scheduler.jobs_of(None) == 50
+    assert scheduler.shares.of(None) == 50

@@ -160,7 +160,7 @@ def test_a_job_that_holds_on_is_ended_and_its_connection_is_told(kind: str, capl
         await talk.heard(talk.lobby, KILLED)
         assert await talk.ask("6 * 7;", talk.other) == "42"
         assert await talk.ask("40 + 2;") == "42"
-        assert talk.kernel.scheduler.jobs_of(talk.lobby) == 1
+        assert talk.kernel.scheduler.shares.of(talk.lobby) == 1
 
     played(scene, Bounds(hold_limit=HOLD))
     assert len([message for message in logged(caplog) if "holds the interpreter" in message]) == 1
@@ -290,10 +290,10 @@ def test_who_takes_on_is_ended(caplog: pytest.LogCaptureFixture) -> None:
         talk.say('var l = []|; loop| { try { loop| l << "x" * 1000 } catch {} },', talk.lobby)
         await talk.heard(talk.lobby, "memory exhausted: all that this connection was running is ended")
         assert await talk.ask("40 + 2;") == "42"
-        assert talk.kernel.scheduler.jobs_of(talk.lobby) == 1
+        assert talk.kernel.scheduler.shares.of(talk.lobby) == 1
         assert _present() < limit + 3 * GROWTH_MARGIN
         assert await talk.ask("n > 0;", talk.other) == "true"
-        assert talk.kernel.scheduler.jobs_of(talk.other) > 1
+        assert talk.kernel.scheduler.shares.of(talk.other) > 1
 
     played(scene, Bounds(memory_limit=limit))
 

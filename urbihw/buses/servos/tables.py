@@ -43,13 +43,13 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
-from importlib import resources
+from pathlib import Path
 from typing import Any, Final
 
 from urbihw.buses.servos.item import ControlTable, Item, Mode, ShaftMotion, by_name
 from urbihw.buses.servos.status import FEETECH
 
-_FILES: Final = "models"
+_FILES: Final = Path(__file__).with_name("models")
 _NO_DEFAULT: Final = "-"
 _COLUMNS: Final = ("name", "address", "size", "access", "area", "low", "high", "default", "unit")
 
@@ -111,7 +111,7 @@ def _tables_by_model() -> Mapping[int, str]:
 
 @cache
 def _read(file: str) -> dict[str, Any]:
-    return tomllib.loads((resources.files(__package__) / _FILES / f"{file}.toml").read_text(encoding="utf-8"))
+    return tomllib.loads((_FILES / f"{file}.toml").read_text(encoding="utf-8"))
 
 
 def _table(data: Mapping[str, Any], models: Mapping[int, str]) -> ControlTable:

@@ -82,7 +82,10 @@ def _compile(
             binding.release()
     pieces = [] if pace is None else cut(function, pace)
     tree = pyast.Module([function], []) if keep_tree else None
-    return CompiledUnit(code_of(function), writer.entries, writer.constants, writer.syntax, pieces, tree)
+    entries = writer.entries
+    return CompiledUnit(
+        code_of(function), lambda: entries, writer.has_bounced, writer.constants, writer.syntax, pieces, tree
+    )
 
 
 @contextmanager

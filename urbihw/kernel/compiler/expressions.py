@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast as py
+from contextlib import nullcontext
 from functools import partial
 
 from urbihw.kernel.compiler.emit import (
@@ -24,7 +25,7 @@ from urbihw.kernel.compiler.emit import (
 from urbihw.kernel.compiler.operations import CONSTANTS, is_native
 from urbihw.kernel.compiler.operators import make_operator
 from urbihw.kernel.compiler.visit import Maker, make_expr, make_list, make_thunks, make_value, refuse_void
-from urbihw.kernel.compiler.writer import Writer
+from urbihw.kernel.compiler.writer import InvisibleCall, Writer
 from urbihw.kernel.syntax import ast
 
 BOUNCED = "echo"
@@ -152,11 +153,8 @@ def make_arguments(node: ast.Call, w: Writer, p: Pos) -> list[py.expr]:
     bounced = node.target is None and node.name == BOUNCED
 
     def make_argument(argument: ast.Node, w: Writer) -> py.expr:
-        outer_entry = w.outer_entry
-        if bounced:
-            w.outer_entry = -p["lineno"]
-        made = make_expr(argument, w)
-        w.outer_entry = outer_entry
+        with w.within(InvisibleCall(p["lineno"], bounced=True)) if bounced else nullcontext():
+            made = make_expr(argument, w)
         return refuse_void(made, argument, w, node.span)
 
     made = make_list(w, node.args or (), make_argument, p)

@@ -11,7 +11,7 @@ from urbihw.kernel.compiler.emit import Pos, attr, call, const, do, if_, is_, li
 from urbihw.kernel.compiler.operations import COMPARISONS, EQUALITY
 from urbihw.kernel.compiler.unit import FunctionInfo
 from urbihw.kernel.compiler.visit import Maker, make_expr, make_in_order, make_thunk, make_value, write_body, write_stmt
-from urbihw.kernel.compiler.writer import RETURN, Writer
+from urbihw.kernel.compiler.writer import NO_CALL, RETURN, Writer
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.binding import FunctionFrame
 from urbihw.kernel.syntax.printer import print_node
@@ -56,9 +56,8 @@ def write_function_body(node: ast.Function, w: Writer, frame: FunctionFrame, p: 
             w.emit(if_(is_(name(local.python, p), name("MISSING", p), p), inside, [], p))
         w.box(local, p)
     w.body.return_token = w.fresh("_r")
-    outer_entry, w.outer_entry = w.outer_entry, 0
-    body = w.block(lambda: write_stmt(node.body, w, RETURN))
-    w.outer_entry = outer_entry
+    with w.within(NO_CALL):
+        body = w.block(lambda: write_stmt(node.body, w, RETURN))
     if not w.body.crossed_return:
         w.emit(*body)
         return

@@ -11,7 +11,7 @@ import logging
 import marshal
 import sys
 from collections.abc import Iterable
-from functools import lru_cache
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -88,28 +88,31 @@ def store(key: str, program: list[Compiled]) -> None:
     store_parts(key, [LibraryPart((frozenset(), False), pack(part)) for part in program])
 
 
-_Entries = list[tuple[tuple[int, ...], str | None, int]]
-
-
 def pack(part: Compiled) -> bytes:
     """Serialize a statement for the disk."""
     unit = part.unit
-    entries: _Entries = [(tuple(entry.span), entry.name, entry.outer) for entry in unit.entries]
+    entries = marshal.dumps([(tuple(entry.span), *entry[1:]) for entry in unit.entries()])
     infos: list[tuple[object, ...]] = [
         (info.least, info.most, info.lazy, info.uses_call, info.closure, info.formals, info.index)
         for info in unit.constants
     ]
-    content = (unit.code, unit.pieces, entries, infos, unit.syntax.pack(), tuple(part.base), part.separator)
+    table = (entries, unit.has_bounced)
+    content = (unit.code, unit.pieces, table, infos, unit.syntax.pack(), tuple(part.base), part.separator)
     return marshal.dumps(content)
 
 
 def unpack(packed: bytes) -> Compiled:
     """Deserialize a statement; may raise any error for data that ``pack`` has not made."""
-    code, pieces, entries, infos, syntax, base, separator = marshal.loads(packed)
+    code, pieces, (entries, has_bounced), infos, syntax, base, separator = marshal.loads(packed)
     cold = Syntax(packed=syntax)
-    table = [MappedPlace(Span(*span), name, outer) for span, name, outer in entries]
     constants = [
         FunctionInfo(least, most, lazy, uses_call, closure, formals, cold, index)
         for least, most, lazy, uses_call, closure, formals, index in infos
     ]
-    return Compiled(CompiledUnit(code, table, constants, cold, pieces), Position(*base), separator)
+    unit = CompiledUnit(code, cache(partial(_table, entries)), has_bounced, constants, cold, pieces)
+    return Compiled(unit, Position(*base), separator)
+
+
+def _table(entries: bytes) -> list[MappedPlace]:
+    """The table of a line map."""
+    return [MappedPlace(Span(*span), *rest) for span, *rest in marshal.loads(entries)]

@@ -1,24 +1,29 @@
 """From an instruction of generated code back to urbiscript.
 
 Generated Python carries no real line numbers: the "line" of each instruction is an index into the table of its unit.
-An entry holds the span of the urbiscript node, the name of the call made there (None without a call), and the entry
-that encloses it as an invisible call: the body of a for-each counts as called by ``each``.  The number of the enclosing
-entry is negative for the arguments of a call that bounces to the lobby: it counts unless ``this`` is the lobby.
+An entry holds the span of the urbiscript node, the name of the call made there (None without a call), and the
+invisible call around it, if there is one: the body of a for-each counts as called by ``each``.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from urbihw.kernel.syntax.location import Location, Position, Span
 
 
 class MappedPlace(NamedTuple):
-    """One place in a unit's source."""
+    """One place in a unit's source.
+
+    ``outer`` is the index of the entry of the invisible call around it, 0 for none.  ``in_bounced``: that call bounces
+    to the lobby, and its arguments are evaluated there, so it counts unless ``this`` is the lobby.
+    """
 
     span: Span
     name: str | None
-    outer: int
+    outer: int = 0
+    in_bounced: bool = False
 
 
 class MappedCall(NamedTuple):
@@ -35,30 +40,33 @@ class LineMap:
     for it.
     """
 
-    __slots__ = ("_has_bounced", "base", "entries", "late_units", "syntax", "system")
+    __slots__ = ("_entries", "base", "has_bounced", "late_units", "syntax", "system")
 
-    def __init__(self, entries: list[MappedPlace], base: Position, system: bool, syntax: object) -> None:
-        self.entries = entries
+    def __init__(
+        self,
+        entries: Callable[[], list[MappedPlace]],
+        has_bounced: bool,
+        base: Position,
+        system: bool,
+        syntax: object,
+    ) -> None:
+        """``entries`` returns the table, which most statements never need; ``has_bounced``: it has arguments of calls
+        that bounce to the lobby.
+        """
+        self.has_bounced = has_bounced
+        self._entries = entries
         self.base = base
         self.system = system
         self.syntax = syntax
-        self._has_bounced: bool | None = None
         self.late_units: dict[Any, tuple[Any, Any]] = {}
-
-    @property
-    def has_bounced(self) -> bool:
-        """Whether there are arguments of calls that bounce to the lobby."""
-        if self._has_bounced is None:
-            self._has_bounced = any(entry.outer < 0 for entry in self.entries)
-        return self._has_bounced
 
     def frames(self, index: int, bounces: bool = False) -> list[MappedCall]:
         """The urbiscript call frames of one instruction, innermost first; ``bounces``: ``this`` is not the lobby."""
-        steps = []
-        while 0 < index < len(self.entries):
-            entry = self.entries[index]
+        steps, entries = [], self._entries()
+        while 0 < index < len(entries):
+            entry = entries[index]
             steps.append(MappedCall(Location.of(entry.span, self.base), entry.name))
+            while entry.in_bounced and not bounces:
+                entry = entries[entry.outer]
             index = entry.outer
-            while index < 0:
-                index = -index if bounces else self.entries[-index].outer
         return steps

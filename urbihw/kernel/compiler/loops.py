@@ -9,7 +9,7 @@ from urbihw.kernel.compiler.control import catch_leave, write_abandon, write_gro
 from urbihw.kernel.compiler.emit import STORE, Pos, attr, call, const, do, if_, is_pure, name, raise_, set_, try_
 from urbihw.kernel.compiler.operators import make_condition
 from urbihw.kernel.compiler.visit import frame_of, make_value, write_stmt, write_tagged_scope
-from urbihw.kernel.compiler.writer import Loop, Writer
+from urbihw.kernel.compiler.writer import InvisibleCall, Loop, Writer
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.binding import Local
 from urbihw.kernel.syntax.check import children
@@ -103,13 +103,11 @@ def write_for_each(node: ast.ForEach, w: Writer, dest: str | None) -> None:
     routine = "each" if node.flavor == ";" else "each" + node.flavor
     local = node.bound.local
     items = call("times" if local is None else "iterate", [make_value(node.items, w)], w.mark(node, routine))
-    outer_entry = w.outer_entry
-    w.outer_entry = w.mark(node.body, routine)["lineno"]
-    if node.flavor == "&":
-        write_each_apart(node, w, local, items, p)
-    else:
-        write_loop(w, lambda loop: write_each(w, loop, node, local, items, p), node.body, p)
-    w.outer_entry = outer_entry
+    with w.within(InvisibleCall(w.mark(node.body, routine)["lineno"])):
+        if node.flavor == "&":
+            write_each_apart(node, w, local, items, p)
+        else:
+            write_loop(w, lambda loop: write_each(w, loop, node, local, items, p), node.body, p)
     w.finish_void(dest, p)
 
 

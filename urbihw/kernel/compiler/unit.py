@@ -85,10 +85,15 @@ class FunctionInfo:
 
 @dataclass(slots=True)
 class CompiledUnit:
-    """Generated code of one statement; may be run many times, at different places."""
+    """Generated code of one statement; may be run many times, at different places.
+
+    ``entries`` returns the table of its ``LineMap``, ``has_bounced`` is whether some of it are arguments of calls that
+    bounce to the lobby.
+    """
 
     code: CodeType
-    entries: list[MappedPlace]
+    entries: Callable[[], list[MappedPlace]]
+    has_bounced: bool
     constants: list[FunctionInfo]
     syntax: Syntax
     pieces: list[CodeType]
@@ -98,7 +103,7 @@ class CompiledUnit:
         self, ops: dict[str, Any], base: Position, system: bool = False, late_locals: Any = None
     ) -> Callable[[Any], Any]:
         """The statement as a Python function of ``this``; ``ops`` are the verbs generated code calls by name."""
-        line_map = LineMap(self.entries, base, system, self.syntax)
+        line_map = LineMap(self.entries, self.has_bounced, base, system, self.syntax)
         names = {
             "__builtins__": ops,
             "__urbi__": line_map,

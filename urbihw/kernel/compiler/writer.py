@@ -9,8 +9,9 @@ which class of nodes has which; ``visit`` looks them up.
 from __future__ import annotations
 
 import ast as py
-from collections.abc import Callable, Mapping
-from typing import Any, Final
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, Final, NamedTuple
 
 from urbihw.kernel.compiler.emit import LOAD, STORE, Pos, attr, call, const, do, function, name, position, set_
 from urbihw.kernel.compiler.late import LateSites
@@ -30,6 +31,17 @@ Expressions = Mapping[type[ast.Node], Callable[[Any, "Writer"], py.expr]]
 """The visitors that make expressions."""
 Statements = Mapping[type[ast.Node], Callable[[Any, "Writer", "str | None"], None]]
 """The visitors that write statements."""
+
+
+class InvisibleCall(NamedTuple):
+    """A call that encloses the places written inside it: the last two fields of their ``MappedPlace``."""
+
+    entry: int
+    bounced: bool = False
+
+
+NO_CALL: Final = InvisibleCall(0)
+"""Represents the place outside all invisible calls."""
 
 
 class Loop:
@@ -78,15 +90,17 @@ class Writer:
         self.statements = statements
         self.generic = generic
         self.pace = pace
-        self.entries: list[MappedPlace] = [MappedPlace(NOWHERE, None, 0)]
+        self.entries: list[MappedPlace] = [MappedPlace(NOWHERE, None)]
         self.constants: list[Any] = []
         self.late = LateSites()
         self.syntax = Syntax([], self.late)
         self.body = Body(binding.top, None)
         self.kept = 0
         """The number of entries that are not part of the expression under construction any more."""
-        self.outer_entry = 0
-        """The entry of the invisible call that encloses all others."""
+        self.around = NO_CALL
+        """The invisible call around what is written."""
+        self.has_bounced = False
+        """Whether some of them bounce to the lobby."""
         self.counter = 0
         self.copies = 1
         """The number of copies that Python makes of the code under construction, in ``finally`` clauses."""
@@ -98,14 +112,22 @@ class Writer:
         self.pace.step()
         entries = self.entries
         line = len(entries)
-        entries.append(_new(MappedPlace, (node.span, called, self.outer_entry)))
+        entries.append(_new(MappedPlace, (node.span, called, *self.around)))
         return {"lineno": line, "col_offset": 0}
 
     def mark_span(self, span: Span, called: str | None = None) -> Pos:
         """The position for code that comes from a stretch of text."""
         self.pace.step()
-        self.entries.append(MappedPlace(span, called, self.outer_entry))
+        self.entries.append(MappedPlace(span, called, *self.around))
         return position(len(self.entries) - 1)
+
+    @contextmanager
+    def within(self, around: InvisibleCall) -> Iterator[None]:
+        """What is written meanwhile is in an invisible call."""
+        before, self.around = self.around, around
+        self.has_bounced = self.has_bounced or around.bounced
+        yield
+        self.around = before
 
     def unkept(self) -> int:
         """The number of nodes of expressions that are not part of a statement yet."""

@@ -252,7 +252,7 @@ class Lobby(Obj):
                 self.output.release_writers()
                 scheduler.yield_()  # finally clauses may still send to the sockets of the program
                 self.holdings.close()
-                if scheduler.jobs_of(self):
+                if scheduler.shares.of(self):
                     scheduler.call_at(scheduler.clock.now() + FINALLY_TIMEOUT_S, self._abort_jobs)
 
     def _abort_jobs(self) -> None:

@@ -19,7 +19,7 @@ from urbihw.kernel.lobby.long_work import MAX_SHORT_TEXT, LongWork, end_of_slice
 from urbihw.kernel.lobby.printing import show
 from urbihw.kernel.lobby.program_files import compiled_file, is_kept
 from urbihw.kernel.lobby.server_log import ServerLog
-from urbihw.kernel.lobby.templates import MAX_TEMPLATES, TemplateCache, TemplateUse
+from urbihw.kernel.lobby.templates import TemplateCache, TemplateUse
 from urbihw.kernel.runtime.backtrace import current_stack
 from urbihw.kernel.sched.collector import COLLECTOR
 from urbihw.kernel.sched.group import Group
@@ -59,7 +59,7 @@ class Programs:
         self.process = process
         self.log = ServerLog(world)
         self.read = TemplateCache()
-        self.units = UnitCache(MAX_TEMPLATES)
+        self.units = UnitCache()
         self.long_work = LongWork(world.scheduler)
         self._lobbies = 0
         self.lobbies: dict[Lobby, None] = {}
@@ -84,7 +84,9 @@ class Programs:
             return partial(self._run_chain, node.pieces)
         if isinstance(node, TemplateUse):
             return node.template.unit(world, statement.text, node.values).function(self.ops, statement.base)
-        unit = self.units.get(statement.text, self.compiler_state, partial(self.unit, statement))
+        names = world.lazy_names
+        state, own = (names.shared, world.generic_floats), names.own_in(statement.text)
+        unit = self.units.get(statement.text, state, own, partial(self.unit, statement))
         return unit.function(self.ops, statement.base)
 
     def _run_chain(self, pieces: list[Statement], this: Any) -> Any:

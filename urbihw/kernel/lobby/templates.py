@@ -20,13 +20,12 @@ from __future__ import annotations
 import dis
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from types import CodeType
-from typing import TYPE_CHECKING, Any, Final, overload
+from typing import TYPE_CHECKING, Any, Final
 
 from urbihw.kernel.compiler import CompiledUnit, compile_node
-from urbihw.kernel.compiler.linemap import MappedPlace
 from urbihw.kernel.compiler.unit import CompilerState, Syntax
 from urbihw.kernel.syntax.ast import Node
 from urbihw.kernel.syntax.reader import Statement, StatementCache, parse_program
@@ -52,8 +51,6 @@ _LITERAL = re.compile(r'"[^"\\\n]*"|(?<![\w.])\d+(?:\.\d+)?(?:[eE][-+]?\d+)?(?![
 _OTHER = re.compile(r"[{}\\\n\"'`]|//|/\*|\bBIN\b")
 """The parts of a text that exclude templates: functions, escapes, comments, and binary data, whose numbers say where
 the statement ends."""
-_WORD = re.compile(r"\w+")
-_NO_WORDS: Final[frozenset[str]] = frozenset()
 
 
 def skeleton(text: str) -> tuple[str, list[str]] | None:
@@ -83,7 +80,6 @@ class Template:
         self._bones, _, self._kinds = bones.partition("\1")
         self._known = known._replace(node=None)
         self._size = size
-        self._words = frozenset(_WORD.findall(self._bones))
         self._state: CompilerState | None = None
         self._forms: dict[frozenset[str], _Form] = {}
         """The forms for the present state, by the lazy names that only some clients know."""
@@ -95,8 +91,7 @@ class Template:
     def unit(self, world: World, text: str, values: list[Literal]) -> CompiledUnit:
         """The compiled statement for these values; ``text`` is the statement as it was sent."""
         names = world.lazy_names
-        known, shared = names.known(), names.shared
-        own = _NO_WORDS if known is shared else (self._words & known) - shared
+        shared, own = names.shared, names.own_in(self._bones)
         state = (shared, world.generic_floats)
         if state != self._state:
             self._state = state
@@ -125,6 +120,7 @@ class _Form:
         literals = [f'"{each}"' if isinstance(each, str) else repr(each) for each in stand_ins] + [""]
         unit = compile_(_node("".join([x + y for x, y in zip(bones.split("\0"), literals, strict=True)])))
         self._code, self._places = unit.code, _Places(unit.code, stand_ins)
+        self._has_bounced = unit.has_bounced
         self.usable = not unit.constants and not unit.pieces and self._places.all_literals() == set(range(len(kinds)))
         if self.usable:
             meant = self._compile(_node(text)).code
@@ -137,7 +133,8 @@ class _Form:
         if self._last is None or not self._last.is_of(text):
             self._last = _Real(text, self._compile)
         real = self._last
-        return CompiledUnit(self._places.filled(self._code, values), _Entries(real), [], _Syntax(real), [])
+        code = self._places.filled(self._code, values)
+        return CompiledUnit(code, lambda: real.get().entries(), self._has_bounced, [], _Syntax(real), [])
 
 
 class _Places:
@@ -207,31 +204,6 @@ class _Real:
         if self._unit is None:
             self._unit = self._compile(_node(self._text))
         return self._unit
-
-
-class _Entries(list[MappedPlace]):
-    """The places in the source, compiled when they are needed."""
-
-    __slots__ = ("_real",)
-
-    def __init__(self, real: _Real) -> None:
-        super().__init__()
-        self._real = real
-
-    def __len__(self) -> int:
-        return len(self._real.get().entries)
-
-    def __iter__(self) -> Iterator[MappedPlace]:
-        return iter(self._real.get().entries)
-
-    @overload  # type: ignore[override]
-    def __getitem__(self, index: int) -> MappedPlace: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> list[MappedPlace]: ...
-
-    def __getitem__(self, index: int | slice) -> MappedPlace | list[MappedPlace]:
-        return self._real.get().entries[index]
 
 
 class _Syntax(Syntax):

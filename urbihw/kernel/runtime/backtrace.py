@@ -35,11 +35,8 @@ class LineLookup(Protocol):
     """The part of the compiler's line map that this module uses."""
 
     system: bool
-
-    @property
-    def has_bounced(self) -> bool:
-        """Whether there are arguments of calls that bounce to the lobby."""
-        ...
+    has_bounced: bool
+    """Whether there are arguments of calls that bounce to the lobby."""
 
     def frames(self, index: int, bounces: bool = False) -> list[CallFrame]:
         """The urbiscript frames of one instruction, innermost first (a for-each body counts as called by ``each``).

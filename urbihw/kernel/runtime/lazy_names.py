@@ -11,12 +11,15 @@ has redefined, are known to all.
 
 from __future__ import annotations
 
+import re
 from typing import Any, Final
 from weakref import WeakKeyDictionary
 
 from urbihw.kernel.runtime.slots import LOGICAL, STRICT_NAMES
 from urbihw.kernel.sched.scheduler import Scheduler
 
+NO_NAMES: Final[frozenset[str]] = frozenset()
+_WORD: Final = re.compile(r"\w+")
 MAX_NAMES: Final = 1000
 """Maximum number of names known to one client: its code is compiled anew after each of them."""
 
@@ -42,6 +45,14 @@ class LazyNames:
     def known_to(self, lobby: Any) -> frozenset[str]:
         """The names known to the client of a lobby; those known to all for None."""
         return self._own.get(lobby, self.shared) if self._own and lobby is not None else self.shared
+
+    def own_in(self, text: str) -> frozenset[str]:
+        """The names in a text that the client of the running job knows and that are not known to all.
+
+        A name that is spelt with escapes is not found: its calls take the detour.
+        """
+        known = self.known()
+        return NO_NAMES if known is self.shared else known.intersection(_WORD.findall(text)) - self.shared
 
     def add(self, name: str) -> None:
         """Record that a name belongs to a lazy function, or that a logical operator is redefined."""

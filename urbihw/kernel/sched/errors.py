@@ -4,8 +4,7 @@ from __future__ import annotations
 
 
 class TooManyJobs(RuntimeError):
-    """A new job was refused: there are ``Scheduler.max_total_jobs`` jobs, or ``max_jobs_per_context`` jobs of its
-    context.
+    """A new job was refused: there are ``Shares.max_total`` jobs, or ``Shares.max_of_one`` jobs of its context.
     """
 
     def throw(self) -> None:

@@ -110,7 +110,15 @@ class ReadyQueue:
             place += 1
         queue.insert(place, made)
 
-    def begin_fair_round(self) -> int:
+    def begin_round(self) -> int:
+        """Begin a round, and return the number of its entries at the head of ``jobs``."""
+        self.preferred = None
+        if not self.is_fair:
+            return len(self.jobs)
+        self._accounts.skip()
+        return self._begin_fair_round()
+
+    def _begin_fair_round(self) -> int:
         """Reduce ``jobs`` to one fair round, and return the number of its entries: jobs, and ends of turns.
 
         ``ROUND_END`` follows if jobs are left out.

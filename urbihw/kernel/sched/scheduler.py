@@ -23,10 +23,10 @@ from urbihw.kernel.sched.accounts import Accounts
 from urbihw.kernel.sched.breaker import Breaker
 from urbihw.kernel.sched.clock import Clock
 from urbihw.kernel.sched.coro import Pool
-from urbihw.kernel.sched.errors import TooManyJobs
 from urbihw.kernel.sched.hooks import SchedulerHooks
 from urbihw.kernel.sched.job import Job
 from urbihw.kernel.sched.ready_queue import INTERRUPT, TURN_END, Mark, ReadyQueue
+from urbihw.kernel.sched.shares import Shares
 from urbihw.kernel.sched.signals import JobKilled, JobSignal, takes_precedence
 from urbihw.kernel.sched.timequeue import TimeQueue, Timer
 from urbihw.kernel.sched.trace import Tracer
@@ -35,13 +35,8 @@ if TYPE_CHECKING:
     from urbihw.kernel.sched.tag import TagEntry
 
 
-MAX_TOTAL_JOBS = 150_000
-"""Maximum number of jobs.  A started job takes about 8 kB, and a program that forks without end reaches the limit
-within seconds."""
 MAX_RUN_S = 0.004
 """Seconds after which ``run`` returns between two rounds although jobs are ready, so that the sockets are served."""
-RESERVED_JOBS = 100
-"""Number of jobs that each context may have even when ``max_total_jobs`` is reached."""
 
 
 class Scheduler:
@@ -73,11 +68,8 @@ class Scheduler:
         self.era = 0
         """Advanced from outside to tell statements that began before an event, such as an emergency stop, from later
         ones."""
-        self.max_total_jobs = MAX_TOTAL_JOBS
-        self.max_jobs_per_context = MAX_TOTAL_JOBS
-        """Maximum number of jobs of one context."""
-        self._shares: dict[Any, int] = {}
-        """The number of jobs of each context."""
+        self.shares = Shares(self._accounts)
+        """How many jobs each context has and may have."""
         self.latest: Job | None = None
         """The job that had the last turn."""
         self.breaker = Breaker(self)
@@ -110,17 +102,13 @@ class Scheduler:
         if parent is not None:
             context = parent.context if context is None else context
             entries = parent.entries
-        share = self._shares.get(context, 0)
-        if share >= self.max_jobs_per_context or (share >= RESERVED_JOBS and len(self.jobs) >= self.max_total_jobs):
-            refusal = TooManyJobs(f"too many jobs: {share} of this connection") \
-                if share >= self.max_jobs_per_context else TooManyJobs("too many jobs")
+        refusal = self.shares.refusal(context, len(self.jobs))
+        if refusal is not None:
             if parent is not None or entries:
                 raise refusal
             if context is not None:
                 body = refusal.throw
-        if not share:
-            self._accounts.open(context)
-        self._shares[context] = share + 1
+        self.shares.add(context)
         made = Job(self, body, name, context)
         if parent is not None:
             made.shift = parent.shift
@@ -136,10 +124,6 @@ class Scheduler:
         if self.tracer is not None:
             self.tracer.created(made)
         return made
-
-    def jobs_of(self, context: Any) -> int:
-        """The number of jobs of a context."""
-        return self._shares.get(context, 0)
 
     def start_now(self, made: Job) -> None:
         """Run a new job at once; the running job goes to the end of the ready queue."""
@@ -319,13 +303,8 @@ class Scheduler:
             if now > end:  # only `interrupt` ends a round before all its jobs had their turn
                 return now
             self.cycle += 1
-            queue.preferred = None
             fair = queue.is_fair
-            if fair:
-                self._accounts.skip()
-                self._left = queue.begin_fair_round()
-            else:
-                self._left = len(ready)
+            self._left = queue.begin_round()
             # Jobs also switch to each other (`hand_over`), which counts their turns: one `_resume` may take many.
             while self._left:
                 self._left -= 1
@@ -396,12 +375,7 @@ class Scheduler:
         job.done = True
         job.state = states.TERMINATED
         self.jobs.pop(job, None)
-        share = self._shares[job.charged_context] - 1
-        if share:
-            self._shares[job.charged_context] = share
-        else:
-            del self._shares[job.charged_context]
-            self._accounts.close(job.charged_context)
+        self.shares.remove(job.charged_context)
         if job.entries:
             for entry in job.entries:
                 entry.remove_job(job)

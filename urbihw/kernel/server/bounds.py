@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass
 from typing import Final
 
-from urbihw.kernel.sched.scheduler import MAX_TOTAL_JOBS as MAX_TOTAL_JOBS  # for those who may not see the scheduler
+from urbihw.kernel.sched.shares import MAX_TOTAL_JOBS as MAX_TOTAL_JOBS  # for those who may not see the scheduler
 
 MIB: Final = 1024 * 1024
 HOLD_LIMIT: Final = 0.5

@@ -25,7 +25,7 @@ class LoopDriver:
     def __init__(self, scheduler: Scheduler, bounds: Bounds = NONE) -> None:
         """Create it in the loop.  The ``bounds`` are enforced only if the loop runs in the main thread."""
         self.scheduler = scheduler
-        scheduler.max_jobs_per_context = bounds.max_jobs
+        scheduler.shares.max_of_one = bounds.max_jobs
         self._loop = asyncio.get_running_loop()
         self._timer: asyncio.Handle | None = None
         self._driving = False

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from importlib import import_module
-from importlib.resources import files
+from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -104,11 +104,11 @@ class Library(NamedTuple):
 
     def texts(self) -> Iterator[tuple[str, str]]:
         """Its urbiscript halves: file name and text of each."""
-        folder = files(self.package)
+        folder = Path(import_module(self.package).__file__ or "").parent
         for name in self.modules:
-            source = folder.joinpath(name + ".u")
+            source = folder / f"{name}.u"
             if source.is_file():
-                yield f"{name}.u", source.read_text("latin-1")
+                yield source.name, source.read_text("latin-1")
 
 
 class Libraries(list[Library]):

@@ -10,6 +10,7 @@ from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.channel import starred
 from urbihw.kernel.stdlib.lobby import connected_lobby
 from urbihw.kernel.value import Value
+from urbihw.release import installed_version
 
 TABLE = Table("Lobby")
 
@@ -30,13 +31,7 @@ LICENSE = (
 
 def release() -> str:
     """Name and version of the program."""
-    # imported on demand: the import takes a tenth of the start-up time of the whole library
-    from importlib.metadata import PackageNotFoundError, version
-
-    try:
-        return f"urbihw {version('urbihw')}"
-    except PackageNotFoundError:
-        return "urbihw (not installed)"
+    return f"urbihw {installed_version() or '(not installed)'}"
 
 
 def _print_lines(this: Value, *lines: str) -> None:
