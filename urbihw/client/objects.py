@@ -201,7 +201,7 @@ class UrbiObject:
 
     def __len__(self) -> int:
         """The number of members of a group.  Raises TypeError for an object without members."""
-        made = self._iteration and self._iteration()
+        made = self._iteration() if self._iteration is not None else None
         if made is not None and made.is_fresh:
             # Python's list(group) makes an iteration, and then asks for the length of the group.
             made.is_fresh = False

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
 from urbihw.kernel import errors
-from urbihw.kernel.lobby.advice import advice
+from urbihw.kernel.lobby.advice import advice, of_hiding
 from urbihw.kernel.lobby.connection_tag import ConnectionTag
 from urbihw.kernel.lobby.lease import ClientLease
 from urbihw.kernel.lobby.output import Output
@@ -205,6 +205,11 @@ class Lobby(Obj):
             self.output.line(f"!!! {line}", "error")
         if not self.programs.quiet:
             self.advise(advice(self, error, statement))
+
+    def advise_hiding(self, before: int) -> None:
+        """Tell a client that its statement has hidden an object of the robot; it had so many variables ``before``."""
+        if len(self.slots) > before and not self.programs.quiet:
+            self.advise(of_hiding(self))
 
     def advise(self, text: str) -> None:
         """Tell a client what to write instead of a mistake; nothing for an empty text, and for clients that are to get

@@ -340,7 +340,7 @@ class Shell:
     def _complain(self, problem: SyntaxProblem) -> None:
         if problem.warning:
             self._lobby.output.line(f"!!! {problem.location}: warning: {problem.message}", "warning")
-        else:
+        elif self._lobby.programs.quiet or not problem.follows:
             self._lobby.output.line(f"!!! {problem.location}: syntax error: {problem.message}", "error")
             self._lobby.advise(problem.advice)
 
@@ -349,9 +349,11 @@ class Shell:
         self._job.name = self.next_name()
         self._job.begin_statement(self._ordered())
         scope = lobby.tag.open()
+        variables = len(lobby.slots)
         try:
             scope.enter()
             self.show(lobby.programs.function(statement)(lobby))
+            lobby.advise_hiding(variables)
         except StopTag as signal:
             if not scope.owns(signal):
                 raise
@@ -385,9 +387,11 @@ class Shell:
 
         def run() -> None:
             scope = lobby.tag.open()
+            variables = len(lobby.slots)
             try:
                 scope.enter()
                 lobby.programs.function(statement)(lobby)
+                lobby.advise_hiding(variables)
             except StopTag as signal:
                 if not scope.owns(signal):
                     raise
