@@ -1,9 +1,9 @@
 """The reader of a connection: bytes in, statements and syntax errors out.
 
-A statement is returned as soon as its ``;`` or ``,`` has been read, whatever the boundaries of packets.  A statement
-with an error is not returned (server protocol, section 2), but its errors are: when it is complete, or when the input so
-far ends in a line end.  So who has forgotten a bracket, behind which all is skipped until it is closed, hears of it.  Texts are
-cached with their nodes: a command that a program sends again and again is not lexed again.
+A statement is returned as soon as its ``;`` or ``,`` has been read, whatever the boundaries of packets.  One with an
+error is not returned (server protocol, section 2), but its errors are: when it is complete, or when the input so far
+ends a line.  So who has forgotten a bracket hears of it, although all is skipped until it is closed.  Texts are cached
+with their nodes: a command that a program sends again and again is not lexed again.
 
 ``MAX_TOKENS``, ``MAX_OPEN`` and ``MAX_BYTES`` limit a statement.  A longer one is refused as soon as that is known, and
 the rest of it is skipped: nothing of it runs or is kept.
