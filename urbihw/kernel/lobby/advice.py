@@ -150,7 +150,10 @@ def _of_lookup(lobby: Lobby, error: errors.LookupFailed, stack: Stack, statement
 
 def _hiding(lobby: Lobby, target: Any, text: str) -> str:
     """The variable of the connection whose value lacks a slot, if it hides an object of the robot."""
-    found = (name for name, value in lobby.slots.items() if value is target and re.search(rf"\b{name}\b", text))
+    # A number has another object each time that it needs one.
+    number = lobby.world.is_a(target, lobby.world.float_proto)
+    holding = (name for name, value in lobby.slots.items() if value is target or number and value.__class__ is float)
+    found = (name for name in holding if re.search(rf"\b{re.escape(name)}\b", text))
     return next((name for name in found if _hides(lobby, name)), "")
 
 
