@@ -123,6 +123,36 @@ def test_other_errors_have_none(typed: str) -> None:
     assert not any("hint" in line for line in say(typed))
 
 
+@pytest.mark.parametrize(
+    ("lines", "told"),
+    [
+        (("var a = 3", ""), "end the statement with ;"),
+        (("var a = 3", "exit"), "the statement before it is not complete: end it with ;, then write quit;"),
+        (("motor6.val = echo(1", "quit;"), "the statement before it is not complete: end it with ;, then write quit;"),
+        (("echo(1", ""), "a bracket is open: close it, and end the statement with ;"),
+        (("echo((1 2;", "", ""), "a bracket is open: close it, and end the statement with ;"),
+        (('echo("hi);', ""),
+         "a String, a name between quotes or a comment is open: close it, and end the statement with ;"),
+        (("every (1s) 1;", "2;", "3;"),
+         "this waits: every and loop never end; Ctrl-C ends them, a comma behind them lets others run"),
+        (("1;", ""), ""),
+        (("", "  // nothing", ""), ""),
+    ],
+)  # fmt: skip
+def test_who_waits_in_vain_for_an_answer_hears_why(lines: tuple[str, ...], told: str) -> None:
+    kernel = shared_kernel()
+    lobby = kernel.open_lobby()
+    kernel.run()
+    lobby.output.take_bytes()
+    for line in lines:
+        kernel.feed(lobby, line.encode() + b"\r\n")
+        kernel.run()
+    said = lobby.output.take_bytes().decode()
+    lobby.close()
+    assert said.splitlines()[-1].partition("hint: ")[2] == told if told else "hint" not in said
+    assert said.count("every and loop") <= 1
+
+
 def test_typographic_quotes_are_one_error() -> None:
     said = say("var x = \xe2\x80\x9chi\xe2\x80\x9d + \xe2\x80\x98ho\xe2\x80\x99; 1;")
     assert said[0] == r"!!! 1.9-11: syntax error: invalid character: `\xe2\x80\x9c'"

@@ -141,6 +141,16 @@ class StatementReader:
         """Number of bytes of the incomplete statement."""
         return self._bytes
 
+    def describe_rest(self) -> str:
+        """What the incomplete statement needs to be complete, in words; empty without one."""
+        if not self._lexer.is_inside:
+            return ""
+        end = "end the statement with ;"
+        if self._lexer.unfinished:
+            return f"a String, a name between quotes or a comment is open: close it, and {end}"
+        opened = self._parser.open_brackets() if self._open is None else self._open
+        return f"a bracket is open: close it, and {end}" if opened > 0 else end
+
     def feed(self, data: bytes, pace: StepPace | None = None) -> list[Item]:
         """The statements and errors that these bytes complete.
 
