@@ -210,6 +210,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw_nao_fakes": ("urbihw_fakes",),
     # The ways in.  "urbihw.kernel" alone is its door, Kernel; "urbihw.platforms" alone is the loader.
     "urbihw.daemon": (
+        "urbihw.repeats",
         "urbihw.kernel",
         "urbihw.kernel.process",
         "urbihw.kernel.uobject",

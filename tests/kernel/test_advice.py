@@ -134,7 +134,7 @@ def test_other_errors_have_none(typed: str) -> None:
         (('echo("hi);', ""),
          "a String, a name between quotes or a comment is open: close it, and end the statement with ;"),
         (("every (1s) 1;", "2;", "3;"),
-         "this waits: every and loop never end; Ctrl-C ends them, a comma behind them lets others run"),
+         "this waits: every and loop never end; Ctrl-C ends them, a comma behind them lets go on"),
         (("1;", ""), ""),
         (("", "  // nothing", ""), ""),
     ],

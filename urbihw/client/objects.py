@@ -129,7 +129,7 @@ class MemberIterator:
 
     Attributes:
         count: how many they are.
-        is_fresh: whether nobody has used it yet.
+        is_fresh: whether no member was taken, and no length told.
     """
 
     def __init__(self, members: list[Any]) -> None:

@@ -198,7 +198,7 @@ def _of_arity(lobby: Lobby, routine: str | None, statement: Statement | None) ->
     if called and _hides(lobby, called[1]):
         return f"a slot is written by =: {called[1]}.{routine} = 1"
     if routine and _hides(lobby, routine):
-        return f"a member is told by brackets: {routine}[1]"
+        return f"brackets choose a member: {routine}[1]"
     holder = lobby.find(routine) if routine else None
     value: Any = holder.slots[routine] if holder is not None and routine else None
     if isinstance(value, Obj) and not isinstance(value, Executable) and "type" in value.slots:

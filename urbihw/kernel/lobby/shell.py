@@ -255,7 +255,7 @@ class Shell:
     def _explain_wait(self) -> None:
         """Tell a client that waits for the end of an endless statement."""
         self._is_endless = False
-        self._lobby.advise("this waits: every and loop never end; Ctrl-C ends them, a comma behind them lets others run")
+        self._lobby.advise("this waits: every and loop never end; Ctrl-C ends them, a comma behind them lets go on")
 
     @property
     def waiting(self) -> int:

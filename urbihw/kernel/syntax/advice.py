@@ -49,7 +49,9 @@ _BETWEEN: Final = {
     "is": "two values are compared by ==",
     **dict.fromkeys(("AND", "And"), "and is written &&"),
     **dict.fromkeys(("OR", "Or"), "or is written ||"),
-    **dict.fromkeys(("exit", "quit", "bye"), "the statement before it is not complete: end it with ;, then write quit;"),
+    **dict.fromkeys(
+        ("exit", "quit", "bye"), "the statement before it is not complete: end it with ;, then write quit;"
+    ),
     "extends": "the prototype stands behind a colon: class A : B { }",
     "except": "errors are caught by catch: try { f } catch (var e) { echo(e) }",
     **dict.fromkeys(("elif", "elseif", "elsif"), _CONDITION),
