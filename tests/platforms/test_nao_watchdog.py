@@ -310,7 +310,7 @@ def test_a_program_out_of_reach_is_told_of() -> None:
     robot.directory.foreign[number].ready = True
     rig = Rig(robot).attach()
     (info,) = next(each.devices for each in rig.news if isinstance(each, Found))
-    assert info.unguarded.startswith("UrbihwWatchdog is in another process, out of reach: cannot connect to ")
+    assert info.unguarded.startswith("UrbihwWatchdog is in another process, out of reach: its end points are tcp://192.0.2.1")
     assert not [each for each in rig.news if isinstance(each, Refused)]
 
 
