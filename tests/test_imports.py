@@ -214,6 +214,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     # The ways in.  "urbihw.kernel" alone is its door, Kernel; "urbihw.platforms" alone is the loader.
     "urbihw.daemon": (
         "urbihw.release",
+        "urbihw.repeats",
         "urbihw.kernel",
         "urbihw.kernel.process",
         "urbihw.kernel.uobject",

@@ -65,12 +65,26 @@ def test_nan_and_bytes(robot: Robot) -> None:
     assert robot.run("motor6.val.size") == 3
 
 
-def test_a_group_has_a_length_and_members(robot: Robot) -> None:
+def test_a_group_has_a_length_and_members(robot: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     robot.run("var Global.motor7 = Motor.new; var Global.motors = [motor6, motor7]; var Global.pair = Group.new;"
               "pair.add(motor6);")
     assert len(robot.pair) == 1
     assert [type(member) for member in robot.pair] == [UrbiObject]
     assert robot.pair
+    group, asked = robot.pair, list[object]()
+    ask = group._connection.ask
+
+    def count(*arguments: object, **options: object) -> object:
+        asked.append(arguments)
+        return ask(*arguments, **options)
+
+    monkeypatch.setattr(group._connection, "ask", count)
+    for use in (list, len, tuple, iter):
+        asked.clear()
+        use(group)
+        assert len(asked) == 1, use
+    for _ in group:
+        assert len(group) == 1 and len(asked) == 3, "a length within a loop is that of the moment"
     with pytest.raises(TypeError, match="cannot be iterated"):
         list(robot.motor6)
     with pytest.raises(TypeError, match="no length"):

@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -60,8 +61,14 @@ def test_the_same_program_twice_gives_the_same_trace(serve: Callable[..., Daemon
     program = tmp_path / "trace.u"
     program.write_text(TRACE)
     traces = []
-    for _ in range(2):
-        client = serve("--file", str(program), options='mode = "fast"').client()
+    for held in (False, True):
+        daemon = serve("--file", str(program), options='mode = "fast"')
+        if held:
+            # A machine that gives the daemon no processor for longer than dead_man and the patience of the simulation.
+            os.kill(daemon.process.pid, signal.SIGSTOP)
+            time.sleep(2)
+            os.kill(daemon.process.pid, signal.SIGCONT)
+        client = daemon.client()
         until(lambda client=client: client.ask("trace.back;") == '"end"')  # type: ignore[misc]
         traces.append(client.ask("trace;"))
     assert traces[0] == traces[1]
@@ -192,7 +199,7 @@ def test_the_daemon_serves_a_robot_of_webots(serve: Callable[..., Daemon], monke
 def test_a_film_of_a_script_is_the_same_each_time(tmp_path: Path) -> None:
     pytest.importorskip("PIL", reason="films need Pillow")
     script = tmp_path / "tour.u"
-    script.write_text("wander.start;")
+    script.write_text('echo("on tour"); wander.start;')
     films = [tmp_path / "first.gif", tmp_path / "second.gif"]
     for film in films:
         command = (sys.executable, "-m", "urbihw.cli.main", "film", str(script), "-o", str(film), "--seconds", "1",
@@ -202,6 +209,7 @@ def test_a_film_of_a_script_is_the_same_each_time(tmp_path: Path) -> None:
             pytest.skip("no OpenGL here")
         assert done.returncode == 0, done.stderr
         assert done.stdout == f"{film}: 15 pictures\n"
+        assert "*** on tour\n" in done.stderr
     assert films[0].read_bytes() == films[1].read_bytes()
 
 

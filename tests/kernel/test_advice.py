@@ -51,11 +51,46 @@ CASES = {
     "[1].contains(1);": "a member is found by in: 3 in list",
     "rand();": "a random integer below 100 is 100.random",
     "Math.PI;": "the constant is called pi",
+    "if (1 > 2) then echo(1);": "there is no then: if (c) 1 else 2",
+    "elif (1 > 2) echo(1);": "the next condition follows else: if (a) 1 else if (b) 2",
+    "unless (1 > 2) echo(1);": "the opposite of a condition is !: if (!c) { ... }",
+    "repeat (3) echo(1);": "so many times is for (3) { ... }",
+    "loop (3) echo(1);": "so many times is for (3) { ... }",
+    "loop: echo(1);": "what belongs together stands in braces: if (c) { ... }",
+    "if (1 > 2): echo(1);": "what belongs together stands in braces: if (c) { ... }",
+    "do { echo(1) } while (false);": "a loop is written while (c) { ... }",
+    "function f(x) return x;": "a function is declared like this: function f(x) { x + 1 }",
+    "[1].map(x => x * 2);": "a function is written like this: function (x) { x + 1 }",
+    "var h = lambda x: x;": "a function is written like this: function (x) { x + 1 }",
+    "1 is 5;": "two values are compared by ==",
+    "1 <> 5;": "not equal is written !=",
+    "true AND false;": "and is written &&",
+    "true ? 1 : 2;": "a choice is written if (c) 1 else 2",
+    "1 if true else 2;": "a choice is written if (c) 1 else 2",
+    "at (true) { 1 } else { 2 };": "at has onleave in place of else: at (c) 1 onleave 2",
+    "switch (1) { case 1: echo(1); break; };": "a case of a switch ends by itself, without break",
+    "try { 1 } catch (Exception e) { 2 };": "errors of a kind are caught by catch (var e if e.isA(Exception))",
+    'raise "bad";': "an error is thrown by throw",
+    "from math import sin;": "there is nothing to import: write the object before the name, as in Math.cos",
+    "# a comment;": "a comment begins with //",
+    "`hello`;": 'a String stands between double quotes: "hi"',
+    "'abc;\n": 'a String stands between double quotes: "hi"',
+    '"a" . "b";': 'texts are joined by +: "a" + "b"',
+    "var \xc3\xa9t\xc3\xa9 = 3;": "a name has letters from a to z, digits and _",
+    "sleep(1 s);": "a unit stands at its number: 2s, 90deg; there are ms, s, min, h, d, rad, deg and grad",
+    "sleep(1sec);": "a unit stands at its number: 2s, 90deg; there are ms, s, min, h, d, rad, deg and grad",
+    "[1 2 3];": "values are separated by a comma: f(1, 2), [1, 2]",
+    "echo(1) echo(2);": "statements are separated by ;",
+    '["a": 1];': 'a Dictionary is written ["a" => 1]',
+    'int("5");': 'a number is made by asFloat: "5".asFloat',
+    "foreach (x in [1, 2]) echo(x);": "the variable is declared in the parentheses: for (var x in list)",
+    "const k = 3;": "a constant is declared with const var: const var x = 1",
+    "Nowhere(3);": "there is no class Nowhere: class Nowhere { ... } makes one, Nowhere.new(...) an object of it",
     "exit;": "quit; ends the connection, shutdown; the server",
 }
 WITHOUT = (
     "nowhere;", "1.nowhere;", "sin(1, 2);", "1 / 0;", "]", "1 + * 2;", "hi();", "try { NULL } catch {};", "throw 1;",
-    "function f() { hi }|; f;", "1 = 2;", "#;", "P.new;", "Object.new.setSlot;",
+    "function f() { hi }|; f;", "1 = 2;", "\\;", "P.new;", "Object.new.setSlot;",
 )  # fmt: skip
 
 
@@ -78,9 +113,44 @@ def test_a_mistake_is_followed_by_one_hint(typed: str) -> None:
     assert said.index(HINT + hints[0]) > 0  # the error itself comes first
 
 
+@pytest.mark.parametrize("typed", ["int n = 3;", "# a comment;", "var \xc3\xa9t\xc3\xa9 = 3;", "`hello`;", "a$b;"])
+def test_an_error_with_a_hint_is_the_only_one_of_its_statement(typed: str) -> None:
+    assert len(say(typed)) == 2
+
+
 @pytest.mark.parametrize("typed", WITHOUT)
 def test_other_errors_have_none(typed: str) -> None:
     assert not any("hint" in line for line in say(typed))
+
+
+@pytest.mark.parametrize(
+    ("lines", "told"),
+    [
+        (("var a = 3", ""), "end the statement with ;"),
+        (("var a = 3", "exit"), "the statement before it is not complete: end it with ;, then write quit;"),
+        (("motor6.val = echo(1", "quit;"), "the statement before it is not complete: end it with ;, then write quit;"),
+        (("echo(1", ""), "a bracket is open: close it, and end the statement with ;"),
+        (("echo((1 2;", "", ""), "a bracket is open: close it, and end the statement with ;"),
+        (('echo("hi);', ""),
+         "a String, a name between quotes or a comment is open: close it, and end the statement with ;"),
+        (("every (1s) 1;", "2;", "3;"),
+         "this waits: every and loop never end; Ctrl-C ends them, a comma behind them lets go on"),
+        (("1;", ""), ""),
+        (("", "  // nothing", ""), ""),
+    ],
+)  # fmt: skip
+def test_who_waits_in_vain_for_an_answer_hears_why(lines: tuple[str, ...], told: str) -> None:
+    kernel = shared_kernel()
+    lobby = kernel.open_lobby()
+    kernel.run()
+    lobby.output.take_bytes()
+    for line in lines:
+        kernel.feed(lobby, line.encode() + b"\r\n")
+        kernel.run()
+    said = lobby.output.take_bytes().decode()
+    lobby.close()
+    assert said.splitlines()[-1].partition("hint: ")[2] == told if told else "hint" not in said
+    assert said.count("every and loop") <= 1
 
 
 def test_typographic_quotes_are_one_error() -> None:

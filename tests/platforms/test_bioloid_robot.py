@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import re
+from functools import cache
 from typing import Any
 
 import pytest
@@ -415,3 +416,44 @@ def test_a_cm5_is_put_into_toss_mode_also_after_it_was_switched_off(options: dic
 def test_controllers_without_a_known_way_are_refused_with_advice() -> None:
     with pytest.raises(BadConfig, match="CM-530 has no documented mode.*U2D2"):
         Lab(controller="cm530")
+
+
+@pytest.mark.parametrize(
+    ("typed", "told"),
+    [
+        ("motor6 = 1;", "this hides motor6 from your connection: write to one of its slots, such as motor6.val; "
+         'removeLocalSlot("motor6"); brings it back'),
+        ("motors = 0,", 'this hides motors from your connection: removeLocalSlot("motors"); brings it back'),
+        ("var motor7 = 2|; motor7.val = 1;", 'motor7 is a variable of your connection, which hides the device: '
+         'removeLocalSlot("motor7");'),
+        ("motor8.val = 90;", "90 is in rad, and was limited to 2.61799: write 90deg for degrees"),
+        ("motor8.val 90;", "a value is assigned by =, as in x = 3"),
+        ("motor8.val(1);", "a slot is written by =: motor8.val = 1"),
+        ("motor8.val = 1 time=2s;", "an attribute of a movement stands before a colon: time:2s"),
+        ("motor8.val = 1 in 2s;", "a movement takes its time by an attribute: x.val = 90deg time:2s"),
+        ("motor8.val = 0 sin:1s amp:1;",
+         "the attributes of a movement are time, speed, accel, smooth, sin, cos, adaptive, ampli, phase"),
+        ("motor8.on;", "a motor is switched on by load = 1"),
+        ("motor8.pos = 1;", "a joint goes where its slot val is set: val = 90deg time:2s"),
+        ("motor8.foo;", "motor8.localSlotNames; lists its slots"),
+        ("motors(8).val;", "brackets choose a member: motors[1]"),
+        ("motors[8] = 1;", "the members of it are not replaced, but their slots written: motors[6].val = 1"),
+        ("robot.forward;", "robot.localSlotNames; lists its slots, robot.flatDump; its parts"),
+        ("sonar.val;", "robot.flatDump; lists the parts of the robot"),
+    ],
+)  # fmt: skip
+def test_what_beginners_type_at_a_robot_is_answered_by_what_to_write(typed: str, told: str) -> None:
+    lab = _lab_for_beginners()
+    lab.lobby = lab.kernel.open_lobby()
+    lab.heard()
+    said = lab.say(typed, 0.1).split("\n")
+    assert f"!!!    hint: {told}" in said
+    assert lab.say("motor8.val = 91;", 0.1).count("hint") == (typed != "motor8.val = 90;"), "once for a connection"
+
+
+@cache
+def _lab_for_beginners() -> Lab:
+    """A lab whose clients get advice."""
+    lab = Lab.ready()
+    lab.kernel.programs.quiet = False
+    return lab

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 from bioloid_lab import BAUD, Lab
 
@@ -94,3 +96,18 @@ def test_voltage_and_temperature(lab: Lab) -> None:
     lab.kit.sensor().volts = 11.1
     lab.run(1.2)
     assert lab.number("sensor100.voltage") == pytest.approx(11.1)
+
+
+def test_the_tree_says_of_each_part_of_a_sensor_module_where_it_looks() -> None:
+    tree = json.loads(Lab.ready().say("echo(System.treeText(robot))|;").removeprefix("*** "))
+    said = {}
+    todo = [tree["robot"]]
+    while todo:
+        node = todo.pop()
+        todo += node["parts"]
+        for slot in node.get("slots", ()):
+            if slot["name"] == "val":
+                said[node["global"]] = slot["meaning"]
+    for name, what in (("infrared", "reflected infrared light"), ("light", "brightness")):
+        for side, word in (("L", "left"), ("C", "center"), ("R", "right")):
+            assert said[name + side] == f"{what}, {word}, 0 to 255"

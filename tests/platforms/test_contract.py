@@ -146,18 +146,20 @@ def test_every_robot_says_what_it_is_in_the_same_words_everywhere(tree: Tree) ->
     assert lab.look("robot.type").strip('"') in names.CATEGORIES
     for slot in ("name", "model"):
         assert lab.look(f"robot.{slot}.isA(String) && robot.{slot} != \"\"") == "true"
-    assert lab.look("robot.serial.isNil || robot.serial.isA(String)") == "true"
+    assert lab.look("robot.serial.isA(String)") == "true"
     ipaddress.ip_address(lab.look("robot.IP").strip('"'))
     for slot in ("name", "model", "serial", "IP"):
         assert lab.look(f"robot.{slot} == {platform}.{slot}") == "true", slot
 
 
-def test_what_a_battery_does_not_know_is_nil(tree: Tree) -> None:
+def test_what_a_battery_cannot_tell_is_nan_and_help_says_so(tree: Tree) -> None:
     for node in tree.devices:
         if "Battery" in node.kinds:
-            for slot in ("capacity", "current"):
+            for slot in ("capacity", "current", "voltage"):
                 value = f"{node.expression}.{slot}"
-                assert tree.lab.look(f"{value}.isNil || {value} == {value}") == "true", value
+                assert tree.lab.look(f"{value}.isA(Float)") == "true", value
+                said = tree.lab.look(f'System.documentation({node.expression}, "{slot}")')
+                assert tree.lab.look(f"{value} == {value}") == "true" or "cannot tell it" in said, said
 
 
 def test_every_device_is_printed_by_a_name_that_leads_to_it(tree: Tree) -> None:

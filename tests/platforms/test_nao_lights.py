@@ -64,7 +64,54 @@ def test_the_tree_of_robot() -> None:
 def test_a_message_to_both_eyes() -> None:
     lab = Lab.ready()
     lab.say("robot.body.head.eye.rgb = 0x00FF00; eye.b = 1;", 0.3)
-    assert shown(lab, "FaceLeds") == "0000ff"  # eye is a light of its own, of which nothing was written before
+    assert shown(lab, "FaceLeds") == "00ffff"
+
+
+def read(lab: Lab, name: str) -> str:
+    """The colour of a light as a program reads it."""
+    return f"{round(lab.number(f'{name}.rgb')):06x}"
+
+
+def test_a_write_to_a_group_is_one_to_each_of_its_members() -> None:
+    lab = Lab.ready()
+    lab.say("FaceLeds.rgb = 0xFF0000; eyeL.g = 0.3;", 0.3)
+    for name in ("LeftFaceLeds", "FaceLedLeft3", "LeftFaceLed1"):
+        assert shown(lab, name) == read(lab, name) == "ff4c00"
+    assert shown(lab, "RightFaceLeds") == read(lab, "RightFaceLeds") == "ff0000"
+    assert lab.look("[eyeR.r, eyeL.val, FaceLedRight2.b]") == "[1, 1, 0]"
+    assert read(lab, "FaceLeds") == "ff4c00", "a group of lights that differ shows the brightest of each colour"
+    # A part of the colour leaves the other parts of each member as they are.
+    lab.say("FaceLeds.b = 1; AllLeds.r = 0;", 0.3)
+    assert [shown(lab, name) for name in ("LeftFaceLeds", "RightFaceLeds")] == ["004cff", "0000ff"]
+    assert [read(lab, name) for name in ("FaceLedLeft3", "FaceLedRight3")] == ["004cff", "0000ff"]
+    lab.say("eyeL.val = 0; AllLedsGreen.val = 1;", 0.3)
+    assert [shown(lab, name) for name in ("FaceLedLeft5", "FaceLedRight5")] == ["00ff00", "00ffff"]
+    assert [read(lab, name) for name in ("FaceLedLeft5", "FaceLedRight5")] == ["00ff00", "00ffff"]
+
+
+def test_a_group_of_lights_that_differ_takes_one_call_for_each_part_that_is_alike() -> None:
+    lab = Lab.ready()
+    lab.say("eyeL.g = 1; FaceLedRight0.r = 1;", 0.3)
+    leds = lab.device.leds
+    leds.written.clear()
+    lab.say("FaceLeds.b = 1;", 0.3)
+    assert leds.written[0] == "LeftFaceLeds" and {"FaceLedRight0", "RightFaceLed8"} & {*leds.written}
+    assert len(leds.written) < 8
+    leds.written.clear()
+    lab.say("FaceLeds.rgb = 0xFF;", 0.3)
+    assert leds.written == ["FaceLeds"]
+
+
+@pytest.mark.parametrize("missing", ["listGroup", "listLED"])
+def test_a_robot_that_does_not_tell_what_a_light_is_made_of(missing: str) -> None:
+    device = Nao()
+    leds = device.leds
+    for uid in [uid for uid, each in leds.methods.items() if each.name == missing]:
+        del leds.methods[uid]
+    lab = Lab.ready(device)
+    lab.say("eyeL.rgb = 0xFF0000; ChestLeds.b = 1; LeftEarLeds.val = 0.5; Brain3.val = 1;", 0.3)
+    assert [shown(lab, name) for name in ("LeftFaceLeds", "ChestLeds")] == ["ff0000", "0000ff"]
+    assert [leds.level(name) for name in ("LeftEarLeds", "Brain3", "Brain4")] == [0.5, 1, 0]
 
 
 def test_trajectories_of_colours() -> None:

@@ -107,7 +107,7 @@ def test_other_sensors() -> None:
     names = ("footTouchL", "footTouchR", "headSensorR", "headSensorM", "headSensorF", "accelZ", "gyroX", "gyroY")
     assert [lab.number(f"{name}.val") for name in names] == pytest.approx([1, 0, 1, 0, 0, 9.8, 0, 0])
     assert lab.number("battery.current") == pytest.approx(-0.8)
-    assert lab.look("battery.voltage.isNil") == "true"
+    assert lab.look("battery.voltage") == "nan"
     slots = ("val", "left", "right", "leftFootTotalWeight", "rightFootTotalWeight")
     assert [lab.number(f"fsr.{slot}") for slot in slots] == pytest.approx([1, 1, 1, 2.6, 2.6])
 

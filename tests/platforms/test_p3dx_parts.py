@@ -288,9 +288,9 @@ def test_a_sonar_without_an_echo_is_infinitely_far(monkeypatch: pytest.MonkeyPat
     assert lab.number("P3dx.body.sonar[left][front].val") == 4.9
 
 
-def test_what_the_battery_does_not_tell_is_nil() -> None:
+def test_what_the_battery_does_not_tell_is_nan() -> None:
     lab = robot()
-    assert lab.say("P3dx.body.battery.capacity.isNil; P3dx.body.battery.current.isNil;") == "true\ntrue"
+    assert lab.say("P3dx.body.battery.capacity; P3dx.body.battery.current;") == "nan\nnan"
 
 
 def test_a_command_with_a_wrong_argument_is_answered_in_the_words_of_the_language() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,9 @@ from bioloid_lab import Lab as BioloidLab
 from so101_lab import STEP, Lab
 
 from urbihw import platforms
+from urbihw.buses.messages import Found
 from urbihw.buses.servos.calibration import JointCalibration, save
+from urbihw.platforms.servos.robot import ServoRobot
 from urbihw.platforms.so101 import arm
 from urbihw_fakes.bioloid import Bioloid
 from urbihw_fakes.dynamixel.ax12 import Ax12
@@ -64,6 +67,25 @@ def test_joints_have_one_name_and_the_order_of_the_arm_wherever_they_are_listed(
     for name, other in (("shoulder_pan", "shoulderYaw"), ("elbow_flex", "elbow"), ("gripper", "grip")):
         assert lab.look(f"{other} === {name} && {name} === motor{JOINTS[name].id}") == "true"
         assert lab.look(f'robot.motionPlayer.choose("x", ["{other}", "motor2"])[0][0]') == f'"{name}"'
+
+
+def test_servos_that_come_one_after_the_other_join_the_tree_in_turn(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = ServoRobot.on_found
+
+    def in_turn(robot: ServoRobot, message: Found) -> None:
+        for info in message.devices:
+            found(robot, replace(message, devices=(info,)))
+
+    monkeypatch.setattr(ServoRobot, "on_found", in_turn)
+    lab = Lab(So101(calibrated=True))
+    lab.say("var Global.told = []|; at (so101.found?(var motor)) told << (motor === so101.getSlot(motor.jointName));")
+    lab.until(lambda: bool(lab.opened))
+    assert lab.opened == [None]
+    assert "not complete" not in caplog.text
+    assert lab.look("told") == str([True] * 6).lower(), "who is told has a place in the tree"
+    assert f"*** RotationalMotor: {' '.join(JOINTS)}" in lab.say("robot.flatDump;")
 
 
 def _leaves(node: dict[str, Any]) -> list[dict[str, Any]]:
@@ -155,6 +177,16 @@ def test_the_gripper_is_guarded_from_the_start_and_for_good() -> None:
     assert lab.kit.joint("elbow_flex").registers.get("torque_limit") == 1000
     lab.say("gripper.torqueLimit = 1;", 0.3)
     assert gripper.get("torque_limit") == 500
+
+
+@pytest.mark.parametrize(
+    ("devices", "number"),
+    [({"pan": 1, "claw": 6}, 6), ({"gripper": 5}, 5), ({}, 6)],
+)
+def test_the_gripper_is_guarded_whatever_the_settings_call_it(devices: dict[str, Any], number: int) -> None:
+    lab = Lab.ready(devices=devices)
+    lab.run(1)
+    assert [each for each in range(1, 7) if lab.kit[each].registers.get("overload_torque") == 25] == [number]
 
 
 def test_a_gripper_that_holds_something_does_not_burn() -> None:

@@ -6,6 +6,7 @@ from typing import Any
 
 from urbihw.buses import messages as m
 from urbihw.buses.clock import BusSimClock
+from urbihw.buses.link import Context
 from urbihw.platforms.webots.driver import GRANTED, SIMULATOR, SimulationDriver
 from urbihw.platforms.webots.port import SimulationPort
 from urbihw.platforms.webots.simulator import Outcome, SimulatedWorld, StepOrder
@@ -45,6 +46,8 @@ class Rig:
         self.simulation, self.clock, self.driver = Counting(), BusSimClock(0.0), SimulationDriver()
         port: Any = OpenPort.__new__(OpenPort)
         port.simulation, port.clock = self.simulation, self.clock
+        self.work = 0.0
+        port._context = Context(self.clock, parent_work=lambda: self.work)
         self.driver.attach(port)
 
     def tick(self, seconds: float = 0.0) -> list[m.FromWorker]:
@@ -83,6 +86,25 @@ def test_each_step_waits_for_the_kernel_but_not_for_ever() -> None:
     assert len(rig.simulation.steps) == 2
     rig.tick(0.2)
     assert len(rig.simulation.steps) == 3
+
+
+def test_in_the_mode_fast_it_waits_as_long_as_the_kernel_waits_for_a_processor() -> None:
+    rig = Rig()
+    rig.driver.configure(m.Configure(options={"mode": "fast"}))
+    rig.grant(0)
+    rig.tick()
+    assert len(rig.simulation.steps) == 1 and rig.driver.waits_for_parent()
+    # A minute on a loaded machine, in which the kernel has had a processor for 0.9 s.
+    rig.work = 0.9
+    rig.driver.safe_stop()
+    assert rig.tick(60) != [] and len(rig.simulation.steps) == 1 and rig.driver.waits_for_parent()
+    rig.grant(1)
+    rig.tick()
+    assert len(rig.simulation.steps) == 2
+    # A program that computes for longer does not hold it.
+    rig.work = 2.0
+    assert [each.what for each in rig.tick(60) if isinstance(each, m.DeviceReport)] == ["held up"]
+    assert len(rig.simulation.steps) == 3 and not rig.driver.waits_for_parent()
 
 
 def test_another_speed_is_no_permission_to_go_on() -> None:

@@ -23,7 +23,7 @@ from urbihw.buses.errors import BadUrl, Unavailable
 from urbihw.buses.link import Context
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import Begin
-from urbihw.buses.processor import OwnProcessor
+from urbihw.buses.processor import OwnProcessor, work_of
 
 
 def main(arguments: list[str]) -> int:
@@ -54,7 +54,8 @@ def main(arguments: list[str]) -> int:
     if begin.settings.realtime:
         processor.claim()
     mailbox = Mailbox(pipe)
-    Engine(url, driver, mailbox, begin, Context(), lambda: terminated or os.getppid() != parent, processor).run()
+    context = Context(parent_work=lambda: work_of(parent))
+    Engine(url, driver, mailbox, begin, context, lambda: terminated or os.getppid() != parent, processor).run()
     return 0
 
 

@@ -133,6 +133,10 @@ class Driver:
         """
         raise NotImplementedError
 
+    def waits_for_parent(self) -> bool:
+        """Return whether nothing moves until the parent has answered, however long it is silent: a simulation does."""
+        return False
+
     def stop_again(self) -> None:
         """Called several times a second while an emergency stop holds: stop what another master sets moving meanwhile.
 

@@ -319,7 +319,9 @@ class Engine:
     def _check_master(self, now: float) -> None:
         timeout = self._settings.dead_man
         since = self._inbox.find_silence(timeout, now)
-        if timeout and since is not None and self._stopped_for_silence_since != since:
+        if self._driver.waits_for_parent():
+            self._inbox.excuse_pause()
+        elif timeout and since is not None and self._stopped_for_silence_since != since:
             self._stopped_for_silence_since = since
             self._stop_robot(f"no sign of life from the master for {timeout:g} s")
 

@@ -102,10 +102,13 @@ class Context:
     Attributes:
         clock: the time that deadlines are measured on.
         pipes: the far ends that `pipe://name` urls can reach, by name; only tests have any.
+        parent_work: tells the seconds of processor time that the parent of the worker has had, None where that is
+            unknown: who waits for the parent on a loaded machine counts these.
     """
 
     clock: BusClock = field(default_factory=BusRealClock)
     pipes: Mapping[str, PipeEnd] = field(default_factory=dict)
+    parent_work: Callable[[], float | None] = lambda: None
 
 
 class Port(ABC):

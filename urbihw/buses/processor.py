@@ -33,8 +33,17 @@ _NS: Final = 1e-9
 def held_up(process: int | str = "self") -> float | None:
     """Return the seconds so far in which the main thread of a process had something to do and no processor; None if
     unknown."""
+    return _scheduled(process, 1)
+
+
+def work_of(process: int | str) -> float | None:
+    """Return the seconds so far in which the main thread of a process had a processor; None if unknown."""
+    return _scheduled(process, 0)
+
+
+def _scheduled(process: int | str, column: int) -> float | None:
     try:
-        return int(Path(f"/proc/{process}/schedstat").read_text("ascii").split()[1]) * _NS
+        return int(Path(f"/proc/{process}/schedstat").read_text("ascii").split()[column]) * _NS
     except (OSError, ValueError, IndexError):
         return None
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from typing import Any, Final
+from weakref import ref
 
 from urbihw.client.connection import Connection
 from urbihw.client.errors import ClientError, SlotMissing
@@ -123,6 +124,27 @@ class UrbiFunction(Slot):
     )
 
 
+class MemberIterator:
+    """Iterates over the members that a group had when the iteration was made.
+
+    Attributes:
+        count: how many they are.
+        is_fresh: whether no member was taken, and no length told.
+    """
+
+    def __init__(self, members: list[Any]) -> None:
+        self._rest = iter(members)
+        self.count = len(members)
+        self.is_fresh = True
+
+    def __iter__(self) -> MemberIterator:
+        return self
+
+    def __next__(self) -> Any:
+        self.is_fresh = False
+        return next(self._rest)
+
+
 class UrbiObject:
     __doc__ = _Told(
         """An object of the robot, such as ``robot.motor6``: its attributes are its slots.
@@ -136,6 +158,8 @@ class UrbiObject:
     _path: str
     _printed: str
     _classes: tuple[str, ...]
+    _iteration: ref[MemberIterator] | None = None
+    """The iteration that was made last."""
 
     def __init__(self, connection: Connection, path: str, printed: str = "", classes: tuple[str, ...] = ()) -> None:
         for name, value in (("_connection", connection), ("_path", path), ("_printed", printed), ("_classes", classes)):
@@ -171,10 +195,17 @@ class UrbiObject:
 
     def __iter__(self) -> Iterator[Any]:
         """The members of a group, such as ``robot.motors``.  Raises TypeError for an object without members."""
-        return iter(self._members("cannot be iterated"))
+        made = MemberIterator(self._members("cannot be iterated"))
+        object.__setattr__(self, "_iteration", ref(made))
+        return made
 
     def __len__(self) -> int:
         """The number of members of a group.  Raises TypeError for an object without members."""
+        made = self._iteration() if self._iteration is not None else None
+        if made is not None and made.is_fresh:
+            # Python's list(group) makes an iteration, and then asks for the length of the group.
+            made.is_fresh = False
+            return made.count
         return len(self._members("has no length"))
 
     def __bool__(self) -> bool:

@@ -41,6 +41,7 @@ from urbihw.kernel.uobject import BadConfig, DeviceError, NotReady, PlatformRobo
 from urbihw.kernel.uobject.protection import protect_robot
 from urbihw.platforms import Manifest
 from urbihw.platforms.scene.view import TREE, WorldView
+from urbihw.repeats import LimitedLog
 from urbihw.robot import ROBOT_LIBRARY
 
 log = logging.getLogger("urbihw.daemon")
@@ -55,6 +56,8 @@ PROGRAM_PATIENCE_S = 5.0
 STATUS_PERIOD_S = 1.0
 MAX_PROGRAM_BYTES = 16 * 1024 * 1024
 """Maximum size of a file of ``load`` in bytes."""
+MOST_SAID = 200
+"""Lines of loaded files that are logged in a minute; of the others only their number."""
 MAX_SOCKET_PATH_BYTES = 107
 """Maximum length of the path of a UNIX socket in bytes (``man 7 unix``)."""
 STOP_TIMEOUT_S = 10.0
@@ -86,6 +89,7 @@ class DaemonService:
         self._view: WorldView | None = None
         self._access_policy = AccessPolicy()
         self._observers = Observers(config)
+        self._said = LimitedLog(log)
         self._control_path = ""
         self._client_path = ""
         self._reloader: Reloader
@@ -152,6 +156,7 @@ class DaemonService:
         limits = bounds(config.hold_limit, config.memory_limit, config.max_jobs)
         kernel = self._process.boot(limits, led=manifest.leads_time, libraries=(ROBOT_LIBRARY,))
         kernel.programs.quiet = config.quiet
+        kernel.world.unheard = self._log_said
         for known in (kind, *kind.classes):
             kernel.host.register(known)
         _show_to_load(manifest.folder)
@@ -239,6 +244,10 @@ class DaemonService:
             log.error("cannot load a file: %s; the robot is not there", problem)
         elif problem:
             raise StartError(f"cannot load a file: {problem}")
+
+    def _log_said(self, line: str) -> None:
+        """Log what a loaded file says: it has no connection."""
+        self._said.say("said", "%s", line, level=logging.INFO, most=MOST_SAID)
 
     def _tell_held_start(self, reason: str) -> None:
         """The start takes long; it is reported only with a reason."""
@@ -421,6 +430,7 @@ class DaemonService:
                 if connection.lobby is not None:
                     connection.lobby.output.line("*** urbihw: shutting down, the robot is stopped")
         await process.close()
+        self._said.close()
         process.extend_deadline(END_TIMEOUT_S)
         self._observers.close()
         if self._view is not None:

@@ -12,7 +12,7 @@ import threading
 from typing import Final
 from urllib.parse import urlsplit
 
-from urbihw.kernel.uobject import NIL, DevicePart, UObject, reading
+from urbihw.kernel.uobject import DevicePart, UObject, reading
 from urbihw.settings import is_address
 
 NETWORK_SCHEMES: Final = frozenset({"socket", "spykee", "qi", "qis", "libqi", "libqis"})
@@ -27,7 +27,7 @@ class RobotIdentity(DevicePart):
 
     name_ = reading("", "name")
     model = reading("")
-    serial = reading(NIL)
+    serial = reading("")
     IP = reading("")
 
     def __init__(self, device: UObject, name: str, model: str) -> None:
@@ -36,10 +36,10 @@ class RobotIdentity(DevicePart):
         self._default_name, self._default_model = name, model
 
     def show(self, *, name: str = "", model: str = "", serial: str = "") -> None:
-        """Show what the robot tells of itself; an unknown serial number is nil."""
+        """Show what the robot tells of itself; an unknown serial number is empty."""
         self.name_.sense(name or self._default_name)
         self.model.sense(model or self._default_model)
-        self.serial.sense(serial or NIL)
+        self.serial.sense(serial)
 
     def show_address(self, url: str) -> None:
         """Show the address of the robot at this url; without a network of its own, that of this computer."""

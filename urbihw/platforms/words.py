@@ -33,8 +33,8 @@ COMMON: Final[dict[str, tuple[str, str]]] = {
     "raw": ("value as the device sends it", "1"),
     "voltage": ("voltage of the supply", "V"),
     "temperature": ("temperature of the device", "degC"),
-    "current": ("current drawn, nil where it is not measured", "A"),
-    "capacity": ("charge that a full battery holds, nil where it is not known", "A h"),
+    "current": ("current drawn", "A"),
+    "capacity": ("charge that a full battery holds", "A h"),
     "remain": ("estimated charge that is left", "ratio"),
     "charging": ("whether the battery is being charged", ""),
     "playing": ("whether sound is played", ""),
@@ -44,10 +44,16 @@ COMMON: Final[dict[str, tuple[str, str]]] = {
     "age": ("time since the device was last read", "s"),
 }
 
+
+def untold(*names: str) -> dict[str, tuple[str, str]]:
+    """Return the words of slots of an interface that a robot cannot tell: they are numbers, and stay nan."""
+    return {name: (f"{COMMON[name][0]}; this robot cannot tell it: nan", COMMON[name][1]) for name in names}
+
+
 ROBOT: Final[dict[str, tuple[str, str]]] = {
     "name": ("name of the robot", ""),
     "model": ("model of the robot", ""),
-    "serial": ("serial number, nil where the robot tells none", ""),
+    "serial": ("serial number, empty where the robot tells none", ""),
     "IP": ("address of the robot on the network, or else of the computer that serves it", ""),
     "url": ("url of the bus", ""),
     "link": ("whether the link to the robot is up", ""),

@@ -28,7 +28,7 @@ NOTES: Final = {
     "Component.motionEnded": "event: a motion is over; with its name, and finished or aborted",
     "Interface.Identity.name": "name of the robot",
     "Interface.Identity.model": "model of the robot",
-    "Interface.Identity.serial": "serial number, nil where it is not known",
+    "Interface.Identity.serial": "serial number, empty where the robot tells none",
     "Interface.Network.IP": "address of the robot on the network",
     "Interface.Motor.val": "what the motor is to do when written, what it does when read",
     "Interface.Motor.PGain": "P gain of the controller",
@@ -141,9 +141,9 @@ NOTES: Final = {
     "Interface.RGBLed.g": "green",
     "Interface.RGBLed.b": "blue",
     "Interface.Battery.remain": "estimated charge that is left",
-    "Interface.Battery.capacity": "charge that a full battery holds, nil where it is not known",
-    "Interface.Battery.current": "current drawn, nil where it is not measured",
-    "Interface.Battery.voltage": "voltage of the battery",
+    "Interface.Battery.capacity": "charge that a full battery holds, nan where the robot cannot tell it",
+    "Interface.Battery.current": "current drawn, nan where the robot cannot tell it",
+    "Interface.Battery.voltage": "voltage of the battery, nan where the robot cannot tell it",
 }
 
 TOLD: Final = {

@@ -221,8 +221,10 @@ class _Walk:
 
 
     def _meaning(self, device: Obj, name: str) -> str:
-        """What is said of a slot; it is the same for all devices of a class."""
-        key = (tuple(map(id, device.protos)), getattr(device, "kind", None), name)
+        """What is said of a slot; it is the same for all devices of a class that have no variable of another device."""
+        value: Any = device.slots.get(name)
+        shared = getattr(getattr(value, "holder", None), "kind", None), getattr(value, "name", "")
+        key = (tuple(map(id, device.protos)), getattr(device, "kind", None), shared, name)
         found = self._meanings.get(key)
         if found is None:
             found = self._meanings[key] = docstrings_of(self._world).meaning(device, name)

@@ -3,8 +3,8 @@
 Reading order: ``platform.toml``, ``reading`` (what is read of ALMemory), ``orders`` (what is written to joints),
 ``finding`` (what there is), ``exchange`` and ``part`` (what the parts of the driver share), ``joint_part``,
 ``walk_part``, ``light_part``, ``sense_part``, ``call_part``, ``driver`` (who speaks to NAOqi, in the worker's process,
-by ``urbihw_nao.qimessaging``), ``robot`` with ``joints`` and ``devices`` (the objects of urbiscript), ``nao.u``
-(proxies of services), ``tree.u`` (the standard robot API, groups).
+by ``urbihw_nao.qimessaging``), ``robot`` with ``joints``, ``devices`` and ``lights`` (the objects of urbiscript),
+``nao.u`` (proxies of services), ``tree.u`` (the standard robot API, groups).
 
 Joints: ``joint_part`` with ``joint_writer`` (setAngles), ``dcm_writer``, ``dcm_course``, ``dcm_clock`` (the DCM) and
 ``motor_trace``; ``motor_control`` and ``motors.u``.  Hands in space: ``wholebody_part``.  Steps: ``gait``.  Limits of

@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Final
 
-from urbihw.kernel.uobject import NIL, UObject, UVar, number, owned, reading, set_range
+from urbihw.kernel.uobject import UObject, UVar, number, owned, reading, set_range
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.measured import MeasuredDevice
 from urbihw_nao import words
 from urbihw_nao.light_part import LED
-
-ONE_COLOUR_PARTS: Final = ("Ear", "Brain")
-"""Parts of the names of lights and groups that have one colour (fact sheet, section 10)."""
-ONE_COLOUR_ENDS: Final = ("Red", "Green", "Blue")
-"""Ends of the names of groups that are the lights of one colour."""
+from urbihw_nao.lights import COLOURS, Levels, LightBoard
 
 
 class NaoLed(UObject):
     """A light or a group of lights: ``val`` (0 to 1), ``r``, ``g``, ``b`` (0 to 1), ``rgb`` (0xRRGGBB).
 
-    What is read is what was written here: NAOqi tells no colours, and a group shows nothing of what was written to its
-    lights one by one.  A light of one colour (the ears, which are blue, the top of the head, and the groups of one
-    colour) is as bright as the brightest part that was written.
+    What is read is what was written here, to this light or to one that has actuators in common with it: NAOqi tells no
+    colours.
+    A group of lights that differ shows of each colour the brightest.  A light of one colour (the ears, which are blue,
+    the top of the head, and the groups of one colour) is as bright as the brightest part that was written.
     """
 
     slot_words = words.LED
@@ -34,40 +31,54 @@ class NaoLed(UObject):
     b = owned(0.0)
     rgb = owned(0.0)
 
-    def init(self, channel: DeviceChannel, name: str) -> None:
+    def init(self, channel: DeviceChannel, board: LightBoard, name: str) -> None:
         """``name`` is that of NAOqi."""
-        self._channel, self._device = channel, (LED, name)
-        self._has_colours = not name.endswith(ONE_COLOUR_ENDS) and not any(part in name for part in ONE_COLOUR_PARTS)
+        self._channel, self._board, self._name = channel, board, name
+        board.join(name, lambda levels: self._show(_colour(levels), max(levels)))
         for var in (self.val, self.r, self.g, self.b):
             set_range(var, 0.0, 1.0)
         set_range(self.rgb, 0.0, float(0xFFFFFF))
         self.notify_change(self.val, self._write_level)
         self.notify_change(self.rgb, lambda: self._write_colour(round(number(self.rgb))))
-        self.notify_change(self.r, lambda: self._write_part(self.r, 16))
-        self.notify_change(self.g, lambda: self._write_part(self.g, 8))
-        self.notify_change(self.b, lambda: self._write_part(self.b, 0))
+        self.notify_change(self.r, lambda: self._write_part(self.r, "Red"))
+        self.notify_change(self.g, lambda: self._write_part(self.g, "Green"))
+        self.notify_change(self.b, lambda: self._write_part(self.b, "Blue"))
 
     def _write_level(self) -> None:
         level = number(self.val)
-        self._write(round(level * 255) * 0x010101, level)
+        self._write(round(level * 255) * 0x010101, level, COLOURS)
 
-    def _write_part(self, part: UVar, shift: int) -> None:
-        others = round(self.rgb.sensed) & ~(0xFF << shift)
-        self._write_colour(others | round(number(part) * 255) << shift)
+    def _write_part(self, part: UVar, name: str) -> None:
+        shift = _SHIFTS[name]
+        colour = round(self.rgb.sensed) & ~(0xFF << shift) | round(number(part) * 255) << shift
+        self._write_colour(colour, (name,))
 
-    def _write_colour(self, colour: int) -> None:
-        parts = [colour >> shift & 0xFF for shift in (16, 8, 0)]
-        self._write(colour, max(parts) / 255)
+    def _write_colour(self, colour: int, parts: Iterable[str] = COLOURS) -> None:
+        self._write(colour, max(_part(colour, name) for name in COLOURS), parts)
 
-    def _write(self, colour: int, level: float) -> None:
-        if self._has_colours:
-            self._channel.set_target(self._device, "rgb", colour)
-        else:
-            self._channel.set_target(self._device, "level", level)
+    def _write(self, colour: int, level: float, parts: Iterable[str]) -> None:
+        written = {name: _part(colour, name) for name in parts}
+        for call in self._board.write(self._name, written, level):
+            self._channel.set_target((LED, call.name), call.item, call.value)
+        self._show(colour, level)
+
+    def _show(self, colour: int, level: float) -> None:
         self.rgb.sense(float(colour))
         self.val.sense(level)
-        for var, shift in ((self.r, 16), (self.g, 8), (self.b, 0)):
-            var.sense((colour >> shift & 0xFF) / 255)
+        for var, name in ((self.r, "Red"), (self.g, "Green"), (self.b, "Blue")):
+            var.sense(_part(colour, name))
+
+
+_SHIFTS: Final = {"Red": 16, "Green": 8, "Blue": 0}
+
+
+def _part(colour: int, name: str) -> float:
+    return (colour >> _SHIFTS[name] & 0xFF) / 255
+
+
+def _colour(levels: Levels) -> int:
+    red, green, blue = (round(level * 255) for level in levels)
+    return red << 16 | green << 8 | blue
 
 
 class NaoSensor(MeasuredDevice):
@@ -101,15 +112,15 @@ class NaoBumper(NaoSensor):
 class NaoBattery(MeasuredDevice):
     """The battery: ``remain`` is a share of 1, ``current`` in A, negative while it drains.
 
-    NAOqi measures neither its voltage nor its capacity (V, A h): both are nil.
+    NAOqi measures neither its voltage nor its capacity (V, A h): both are nan.
     """
 
     slot_words = words.BATTERY
 
     remain = reading(math.nan)
     current = reading(math.nan)
-    voltage = reading(NIL)
-    capacity = reading(NIL)
+    voltage = reading(math.nan)
+    capacity = reading(math.nan)
 
     def init(self) -> None:
         """Made by the robot."""

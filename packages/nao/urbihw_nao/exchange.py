@@ -35,7 +35,7 @@ class NaoExchange:
 
     def __init__(self) -> None:
         self.options = NaoOptions()
-        self.info = NaoInfo("", (), (), ())
+        self.info = NaoInfo("", (), (), {})
         self.news: list[FromWorker] = []
         self.values: dict[Any, dict[str, Any]] = {}
         self.now: Callable[[], float] = time.monotonic

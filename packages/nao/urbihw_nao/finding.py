@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from urbihw.buses.errors import BadFrame
+from urbihw.buses.errors import BadFrame, Unavailable
 from urbihw_nao import reading
 from urbihw_nao.orders import JointInfo
 from urbihw_nao.qimessaging.checked import is_name, show_text, to_number, to_row
-from urbihw_nao.qimessaging.session import QiService, QiSession
+from urbihw_nao.qimessaging.session import QiCall, QiService, QiSession
 
 MOTION, MEMORY, LEDS, SONAR = "ALMotion", "ALMemory", "ALLeds", "ALSonar"
 PROXIES: Final = (
@@ -34,15 +35,18 @@ MAX_TEXT_LENGTH: Final = 100
 
 @dataclass(frozen=True, slots=True)
 class NaoInfo:
-    """The robot as ``Found`` tells of it; ``methods`` are those of the services in ``PROXIES``."""
+    """The robot as ``Found`` tells of it; ``methods`` are those of the services in ``PROXIES``, ``leds`` the lights and
+    groups with their actuators, none where the robot does not tell them; ``unguarded`` is why ``watchdog.py`` does not
+    stop it when it does not hear us, "" if it does."""
 
     model: str
     joints: tuple[JointInfo, ...]
     services: tuple[str, ...]
-    leds: tuple[str, ...]
+    leds: Mapping[str, tuple[str, ...]]
     methods: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     name: str = ""
     serial: str = ""
+    unguarded: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,23 +68,47 @@ def find(session: QiSession, motion: QiService, memory: QiService) -> NaoFinding
     joints = _joints(motion, memory, ask)
     names = [joint.name for joint in joints]
     services = tuple(session.names())
-    lights: list[str] = []
-    if LEDS in services:
-        for method in ("listGroups", "listLEDs"):
-            names_of_lights = to_row(ask(session.look_up(LEDS), method))
-            lights += [name for name in names_of_lights if is_name(name) and name.isidentifier()]
+    lights = _lights(session) if LEDS in services else {}
     if SONAR in services:
         # Without a subscriber the sonars measure nothing.
         session.post(session.look_up(SONAR), "subscribe", _NAME)
     methods = {name: tuple(session.look_up(name).meta.names()) for name in PROXIES if name in services}
     model = _model(ask(motion, "getRobotConfig") if "getRobotConfig" in motion.meta.names() else None)
     name, serial = map(_text, to_row(ask(memory, "getListData", [BODY_NAME, BODY_ID]), 2)[:2])
-    info = NaoInfo(model, joints, services, tuple(dict.fromkeys(lights)), methods, name, serial)
+    info = NaoInfo(model, joints, services, lights, methods, name, serial)
     fast = reading.joint_keys(names)
     keys = fast | reading.slow_keys(names)
     values = list(to_row(ask(memory, "getListData", list(keys))))
     known = reading.known_keys(keys, values)
     return NaoFinding(info, fast, known, [value for name, value in zip(keys, values, strict=True) if name in known])
+
+
+def _lights(session: QiSession) -> dict[str, tuple[str, ...]]:
+    """The groups of lights and the single lights by their names, with their actuators.
+
+    All questions are on their way at the same time: there are more than a hundred lights.
+    """
+    service = session.look_up(LEDS)
+    found: dict[str, tuple[str, ...]] = {}
+    for names, members in (("listGroups", "listGroup"), ("listLEDs", "listLED")):
+        told = to_row(session.wait(session.call(service, names)))
+        lights = [name for name in told if is_name(name) and name.isidentifier() and name not in found]
+        tells = members in service.meta.names()
+        calls = {name: session.call(service, members, name) if tells else None for name in lights}
+        for name, call in calls.items():
+            found[name] = _actuators(session, call)
+    return found
+
+
+def _actuators(session: QiSession, call: QiCall | None) -> tuple[str, ...]:
+    """The answer to the question for the actuators of a light; () where the robot has none, or one of another form."""
+    if call is None:
+        return ()
+    try:
+        row = to_row(session.wait(call))
+    except (Unavailable, BadFrame):
+        return ()
+    return tuple(sys.intern(name) for name in row if isinstance(name, str) and is_name(name))
 
 
 def _joints(motion: QiService, memory: QiService, ask: Callable[..., Any]) -> tuple[JointInfo, ...]:

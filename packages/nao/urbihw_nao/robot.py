@@ -41,6 +41,7 @@ from urbihw_nao.devices import (
 from urbihw_nao.finding import NaoInfo
 from urbihw_nao.joint_part import MOTORS
 from urbihw_nao.joints import NaoHand, NaoJoint, NaoWalk
+from urbihw_nao.lights import LightBoard
 from urbihw_nao.memory import MemoryLinks
 from urbihw_nao.micro_part import MICRO
 from urbihw_nao.module_part import MODULE
@@ -134,10 +135,11 @@ class Nao(WiredRobot):
         self.identity.show(name=info.name, model=info.model, serial=info.serial)
         self.services.sense(list(info.services))
         self._methods = info.methods
-        if WATCHDOG in info.services:
-            self.log.info("the robot has %s, which stops it when it does not hear us", WATCHDOG)
+        if info.unguarded:
+            tell = self.log.warning if WATCHDOG in info.services else self.log.info
+            tell("%s: a walk goes on when the connection is lost", info.unguarded)
         else:
-            self.log.info("the robot has no %s: a walk goes on when the connection is lost", WATCHDOG)
+            self.log.info("the robot has %s, which stops it when it does not hear us", WATCHDOG)
         if not self._built:
             self._build(info)
             self._connect(info)
@@ -167,8 +169,9 @@ class Nao(WiredRobot):
                 self.joints[joint.name] = self.hands[EFFECTORS[joint.name]] = hand
             else:
                 self.joints[joint.name] = create(NaoJoint, joint.name, channel, motion, joint, device)
+        board = LightBoard(info.leds)
         for name in info.leds:
-            create(NaoLed, name, channel, name)
+            create(NaoLed, name, channel, board, name)
         create(NaoSpeaker, "speaker", channel, self.log)
         self.camera = create(NaoCamera, "camera", channel, self.log, self.arrival.is_up)
         self.micro = create(NaoMicro, "micro", channel)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 from urbihw.buses.errors import Unavailable
-from urbihw.buses.messages import Refused
 from urbihw_nao.exchange import NaoExchange
 from urbihw_nao.part import NaoPart
 from urbihw_nao.qimessaging.session import QiService
@@ -34,13 +34,15 @@ class WatchdogPart(NaoPart):
         self._due = 0.0
 
     def begin(self) -> None:
-        """See ``Part``: find the service; one that is there but out of reach guards nothing, which is reported."""
+        """See ``Part``: find the service; one that is there but out of reach guards nothing, which the robot tells."""
         exchange, self._service, self._fed = self.exchange, None, False
-        if NAME in exchange.info.services:
-            try:
-                self._service = exchange.session.look_up(NAME)
-            except Unavailable as error:
-                exchange.news.append(Refused(KIND, "feed", str(error)))
+        if NAME not in exchange.info.services:
+            exchange.info = replace(exchange.info, unguarded=f"the robot has no {NAME}")
+            return
+        try:
+            self._service = exchange.session.look_up(NAME)
+        except Unavailable as error:
+            exchange.info = replace(exchange.info, unguarded=str(error))
 
     def end(self) -> None:
         """See ``Part``: from now on the robot counts."""

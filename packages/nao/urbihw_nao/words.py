@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from urbihw.platforms.words import COMMON
+from urbihw.platforms.words import COMMON, untold
 
 BASE: Final = {
     "allJoints": ("names of all joints in NAOqi", ""),
@@ -79,7 +79,7 @@ WALK: Final = {
     "speeds": ("measured speeds: forward, to the left (m/s), yaw rate to the left (rad/s); nan if not known", ""),
 }
 SENSOR: Final = {"val": ("measured value", "")}
-BATTERY: Final = COMMON | {"current": ("current, negative while it drains", "A")}
+BATTERY: Final = COMMON | untold("voltage", "capacity") | {"current": ("current, negative while it drains", "A")}
 VOICE: Final = {
     "volume": ("loudness of the voice", "ratio"),
     "lang": ("language", ""),

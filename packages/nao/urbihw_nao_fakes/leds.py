@@ -173,6 +173,13 @@ class Leds(Service):
         """The actuators of a group."""
         return list(self._find(name))
 
+    @method("listLED", "(s)", "[s]")
+    def get_light(self, name: str) -> list[str]:
+        """The actuators of a single light."""
+        if name not in self._single:
+            raise Failed(f"ALLeds: no such led {name}\n\n    at alleds.cpp:88")
+        return list(self._single[name])
+
     @method("listGroups", "()", "[s]")
     def get_groups(self) -> list[str]:
         """The names of the groups of LEDs."""

@@ -29,7 +29,32 @@ class Sentence:
     over: bool = False
 
 
-class Speech(Service):
+class LanguageService(Service):
+    """What both services have: the language that they speak or understand."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.language = LANGUAGES[0]
+
+    @method("setLanguage", "(s)")
+    def set_language(self, language: str) -> None:
+        """One of those that are installed.  Raises Failed."""
+        if language not in LANGUAGES:
+            raise Failed(f"{self.name}: the language {language} is not installed")
+        self.language = language
+
+    @method("getLanguage", "()", "s")
+    def get_language(self) -> str:
+        """The one it speaks or understands."""
+        return self.language
+
+    @method("getAvailableLanguages", "()", "[s]")
+    def get_languages(self) -> list[str]:
+        """The installed ones, by name."""
+        return list(LANGUAGES)
+
+
+class Speech(LanguageService):
     """ALTextToSpeech; one text is said behind the other.
 
     Attributes:
@@ -44,7 +69,7 @@ class Speech(Service):
         super().__init__()
         self.said: list[str] = []
         self.cut_short: list[str] = []
-        self.volume, self.language, self.voice = 0.7, LANGUAGES[0], VOICES[0]
+        self.volume, self.voice = 0.7, VOICES[0]
         self.parameters = dict(PARAMETERS)
         self._clock, self._memory = clock, memory
         self._queue: deque[Sentence] = deque()
@@ -128,25 +153,8 @@ class Speech(Service):
         """The installed ones, by name."""
         return list(VOICES)
 
-    @method("setLanguage", "(s)")
-    def set_language(self, language: str) -> None:
-        """One of those that are installed.  Raises Failed."""
-        if language not in LANGUAGES:
-            raise Failed(f"ALTextToSpeech: the language {language} is not installed")
-        self.language = language
 
-    @method("getLanguage", "()", "s")
-    def get_language(self) -> str:
-        """The one it speaks."""
-        return self.language
-
-    @method("getAvailableLanguages", "()", "[s]")
-    def get_languages(self) -> list[str]:
-        """The installed ones, by name."""
-        return list(LANGUAGES)
-
-
-class Recognition(Service):
+class Recognition(LanguageService):
     """ALSpeechRecognition: it understands words of its vocabulary, while somebody has subscribed.
 
     Attributes:
@@ -161,7 +169,6 @@ class Recognition(Service):
         super().__init__()
         self.vocabulary: list[str] = []
         self.spotting = self.paused = False
-        self.language = LANGUAGES[0]
         self.subscribers: set[str] = set()
         self._memory = memory
 
@@ -185,23 +192,6 @@ class Recognition(Service):
                 "NuanceContext::addContext: A grammar cannot be set while the ASR engine is running\n\n  at x.cpp"
             )
         self.vocabulary, self.spotting = [str(word) for word in as_list(words)], spotting
-
-    @method("setLanguage", "(s)")
-    def set_language(self, language: str) -> None:
-        """One of those that are installed.  Raises Failed."""
-        if language not in LANGUAGES:
-            raise Failed(f"ALSpeechRecognition: the language {language} is not installed")
-        self.language = language
-
-    @method("getLanguage", "()", "s")
-    def get_language(self) -> str:
-        """The one it understands."""
-        return self.language
-
-    @method("getAvailableLanguages", "()", "[s]")
-    def get_languages(self) -> list[str]:
-        """The installed ones, by name."""
-        return list(LANGUAGES)
 
     @method("pause", "(b)")
     def pause(self, on: bool) -> None:

@@ -145,6 +145,12 @@ SKIPPED = [
 
 # Right for the grammar, wrong all the same.
 OUT_OF_PLACE = [
+    ("nil = 3;", ["1.1-3: `nil' is a constant, no variable"]),
+    ("true = false;", ["1.1-4: `true' is a constant, no variable"]),
+    ("void += 1;", ["1.1-4: `void' is a constant, no variable"]),
+    ("false++;", ["1.1-5: `false' is a constant, no variable"]),
+    ("this = 3;", ["1.1-4: `this' is the object itself, no variable"]),
+    ("this--;", ["1.1-4: `this' is the object itself, no variable"]),
     ("break;", ["1.1-5: `break' not within a loop"]),
     ("continue;", ["1.1-8: `continue' not within a loop"]),
     ("{ break };", ["1.3-7: `break' not within a loop"]),

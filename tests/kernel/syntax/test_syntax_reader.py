@@ -281,3 +281,15 @@ def test_no_file_of_the_grammar_is_read_twice(monkeypatch: pytest.MonkeyPatch) -
     StatementReader()
     monkeypatch.setattr(Path, "read_text", None)
     assert told(StatementReader().feed(b"1;")) == ["1;"]
+
+
+def test_an_error_is_told_at_the_end_of_its_line_though_a_bracket_is_open() -> None:
+    reader = StatementReader()
+    assert reader.feed(b"echo((1 2;") == []
+    (problem,) = reader.feed(b"\n")
+    assert isinstance(problem, SyntaxProblem) and problem.message == "unexpected float"
+    # What follows is skipped until the bracket is closed; it is told once.
+    assert reader.feed(b"1;\n") == []
+    assert reader.feed(b"); 2;\n")[1:] == []
+    (statement,) = reader.feed(b"3;")
+    assert isinstance(statement, Statement)

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
 from urbihw.kernel import errors
-from urbihw.kernel.lobby.advice import advice
+from urbihw.kernel.lobby.advice import advice, of_hiding
 from urbihw.kernel.lobby.connection_tag import ConnectionTag
 from urbihw.kernel.lobby.lease import ClientLease
 from urbihw.kernel.lobby.output import Output
@@ -42,8 +42,9 @@ class Lobby(Obj):
 
     is_per_connection = True
     __slots__ = (
-        "answering", "connected", "holdings", "in_command", "input_handler", "label", "lease", "maker", "on_quit",
-        "ordered", "output", "peer", "programs", "received", "released_at", "shell", "silence", "tag", "user",
+        "_advised", "answering", "connected", "holdings", "in_command", "input_handler", "label", "lease", "maker",
+        "on_quit", "ordered", "output", "peer", "programs", "received", "released_at", "shell", "silence", "tag",
+        "user",
     )  # fmt: skip
 
     def __init__(
@@ -84,6 +85,8 @@ class Lobby(Obj):
         self.user = ""
         """The name of the user who presented a token, "" without access control."""
         self.label = ""
+        self._advised: set[str] = set()
+        """The subjects of the advice that this connection was given once."""
         """The name that the client has given to the connection, "" for none."""
         name = programs.lobby_name()
         self.tag = ConnectionTag(world, name)
@@ -206,12 +209,23 @@ class Lobby(Obj):
         if not self.programs.quiet:
             self.advise(advice(self, error, statement))
 
+    def advise_hiding(self, before: int) -> None:
+        """Tell a client that its statement has hidden an object of the robot; it had so many variables ``before``."""
+        if len(self.slots) > before and not self.programs.quiet:
+            self.advise(of_hiding(self))
+
     def advise(self, text: str) -> None:
         """Tell a client what to write instead of a mistake; nothing for an empty text, and for clients that are to get
         the answers of the original only.
         """
         if text and not self.programs.quiet:
             self.output.line(f"!!!    hint: {text}", "error")
+
+    def advise_once(self, subject: str, text: str) -> None:
+        """Give advice that a connection needs once, whatever it does again and again; there are few subjects."""
+        if subject not in self._advised:
+            self._advised.add(subject)
+            self.advise(text)
 
     def close(self) -> None:
         """Close the connection: its jobs end, their ``finally`` clauses run, and ``Lobby.onDisconnect`` is emitted.

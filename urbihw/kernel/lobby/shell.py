@@ -37,6 +37,10 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("urbihw.kernel")
 
+HELPLESS = frozenset([b"", b"exit", b"quit", b"bye", b"help", b"?"])
+"""Lines of somebody who does not see why nothing is answered."""
+ENDLESS = ("every", "loop")
+"""How a statement begins that goes on for ever."""
 PIECES_PER_STEP = 16
 """Number of pieces of a long chain that are run at once; half a millisecond of work."""
 
@@ -225,6 +229,8 @@ class Shell:
         self._when_idle: Callable[[], None] | None = None
         self._typed: int | None = None
         """The ``Job.ordered`` of the oldest program that typed some of what is pending; None if only the client did."""
+        self._is_endless = False
+        """Whether the statement in the foreground goes on for ever, if nothing ends it."""
         self._open = True
         self._job = self._scheduler.spawn(self._run, name, context=lobby)
 
@@ -235,6 +241,8 @@ class Shell:
         """
         if ordered is not None:
             self._typed = ordered if self._typed is None else min(ordered, self._typed)
+        if self._is_endless:
+            self._explain_wait()
         if self._input or self._items or self._reader.pending + len(data) > MAX_SHORT_TEXT:
             self._input += data
             self._more.wake_one()
@@ -243,6 +251,13 @@ class Shell:
         if items:
             self._items.extend(items)
             self._more.wake_one()
+        elif data.strip() in HELPLESS:
+            self._lobby.advise(self._reader.describe_rest())
+
+    def _explain_wait(self) -> None:
+        """Tell a client that waits for the end of an endless statement."""
+        self._is_endless = False
+        self._lobby.advise("this waits: every and loop never end; Ctrl-C ends them, a comma behind them lets go on")
 
     @property
     def waiting(self) -> int:
@@ -342,7 +357,7 @@ class Shell:
     def _complain(self, problem: SyntaxProblem) -> None:
         if problem.warning:
             self._lobby.output.line(f"!!! {problem.location}: warning: {problem.message}", "warning")
-        else:
+        elif self._lobby.programs.quiet or not problem.follows:
             self._lobby.output.line(f"!!! {problem.location}: syntax error: {problem.message}", "error")
             self._lobby.advise(problem.advice)
 
@@ -351,15 +366,19 @@ class Shell:
         self._job.name = self.next_name()
         self._job.begin_statement(self._ordered())
         scope = lobby.tag.open()
+        variables = len(lobby.slots)
+        self._is_endless = statement.text.startswith(ENDLESS)
         try:
             scope.enter()
             self.show(lobby.programs.function(statement)(lobby))
+            lobby.advise_hiding(variables)
         except StopTag as signal:
             if not scope.owns(signal):
                 raise
         except Exception as error:
             lobby.report(error, statement)
         finally:
+            self._is_endless = False
             scope.exit()
 
     def show(self, value: Any) -> None:
@@ -387,9 +406,11 @@ class Shell:
 
         def run() -> None:
             scope = lobby.tag.open()
+            variables = len(lobby.slots)
             try:
                 scope.enter()
                 lobby.programs.function(statement)(lobby)
+                lobby.advise_hiding(variables)
             except StopTag as signal:
                 if not scope.owns(signal):
                     raise

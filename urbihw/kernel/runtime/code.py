@@ -106,7 +106,21 @@ def call_value(world: World, value: Value, args: tuple[Value, ...], routine: str
         return value
     if world.peek_obj(value).find("()") is None:
         raise errors.arity(len(args), 0, routine=routine)
-    return world.invoke(world.get_slot(value, "()"), value, args, "()")
+    return ObjectCall(world, value).call(value, args)
+
+
+class ObjectCall(Executable):
+    """The operator ``()`` of an object, for built-ins that call a function: ``list.map(object)``."""
+
+    __slots__ = ("target",)
+
+    def __init__(self, world: World, target: Value) -> None:
+        super().__init__(world, [])
+        self.target = target
+
+    def call(self, this: Value, args: tuple[Value, ...]) -> Value:
+        """Let the operator answer; its ``this`` is the object."""
+        return self.world.invoke(self.world.get_slot(self.target, "()"), self.target, args, "()")
 
 
 class FunctionDescription(Protocol):

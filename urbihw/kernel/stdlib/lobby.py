@@ -17,7 +17,7 @@ from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.tag import Tag
 from urbihw.kernel.stdlib.channel import starred
 from urbihw.kernel.stdlib.members import members_of
-from urbihw.kernel.stdlib.support import field
+from urbihw.kernel.stdlib.support import field, send_line
 from urbihw.kernel.value import Value
 
 TABLE = Table("Lobby")
@@ -268,9 +268,7 @@ def clone(world: World, this: Value) -> None:
 def global_echo(world: World, this: Value, value: Value, channel: str = "", prefix: str = "***") -> None:
     """Send the text of a value after three stars or another prefix to the running job's connection, with a label if one
     is given."""
-    context = world.scheduler.running().context
-    if context is not None:
-        echo_to(world, context, value, channel, prefix)
+    send_line(world, starred(world.text(value), prefix), channel)
 
 
 def install(world: World, programs: Any) -> None:

@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any
 
 from urbihw.kernel import errors
-from urbihw.kernel.runtime.code import Executable
+from urbihw.kernel.runtime.code import Executable, ObjectCall
 from urbihw.kernel.runtime.values import List, String, TextList, texts_in
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.group import Group
@@ -90,10 +90,14 @@ class Ranked:
 
 
 def callable_of(world: World, value: Value, index: int = 1) -> Executable:
-    """Check that an argument is a function."""
-    if not isinstance(value, Executable):
+    """The function to call for an argument: the argument itself, or the operator ``()`` of an object that has one
+    (manual, release notes of 2.0 beta 3).  Raises the type error for anything else.
+    """
+    if isinstance(value, Executable):
+        return value
+    if world.peek_obj(value).find("()") is None:
         raise world.type_error(index, value, "Code")
-    return value
+    return ObjectCall(world, value)
 
 
 def each(world: World, this: Value, members: Iterable[Value], function: Value) -> None:

@@ -21,10 +21,12 @@ Setter = Callable[[Any, Any], Any]
 
 
 def send_line(world: World, text: str, channel: str = "") -> None:
-    """Send one line to the lobby of the running job; no effect without a lobby."""
+    """Send one line to the lobby of the running job; without a lobby it goes to ``World.unheard``."""
     context = world.scheduler.running().context
     if context is not None:
         context.output.line(text, channel)
+    else:
+        world.unheard(text)
 
 
 class Field:

@@ -14,7 +14,7 @@ from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.ast import Node
 from urbihw.kernel.syntax.location import Span
 from urbihw.kernel.syntax.rules import Problem, Problems, RuleSet
-from urbihw.kernel.syntax.tokens import Token, shown
+from urbihw.kernel.syntax.tokens import CONSTANTS, Token, shown
 
 RULES = RuleSet()
 
@@ -65,6 +65,7 @@ def list_same(_span: Span, items: list[object]) -> list[object]:
 @RULES.reporting_rule
 def assign(problems: Problems, span: Span, place: Node, value: Node, modifiers: list[tuple[Token, Node]]) -> Node:
     slot = isinstance(place, ast.Call) and place.args is None
+    _is_constant(problems, place)
     if modifiers and not slot:
         problems.append(Problem(f"unexpected {shown('NAME')}", modifiers[0][0].span))
     if isinstance(place, ast.Call) and place.name == "[]" and place.args is not None:
@@ -89,8 +90,22 @@ def step_operator(problems: Problems, span: Span, place: Node, operator: Token) 
     return ast.Postfix(place, operator.text, span=span)
 
 
+def _is_constant(problems: Problems, place: Node) -> bool:
+    """Report a value where a variable should stand: ``nil``, ``this``."""
+    match place:
+        case ast.Call(target=None, args=None, name=name) if name in CONSTANTS:
+            problems.append(Problem(f"`{name}' is a constant, no variable", place.span))
+        case ast.This():
+            problems.append(Problem("`this' is the object itself, no variable", place.span))
+        case _:
+            return False
+    return True
+
+
 def _variable(problems: Problems, place: Node, operator: Token) -> None:
     """Report an operand that cannot be modified in place."""
+    if _is_constant(problems, place):
+        return
     match place:
         case ast.Property() | ast.Call(args=None) | ast.Call(name="[]"):
             return

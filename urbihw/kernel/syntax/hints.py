@@ -83,11 +83,11 @@ def _misspelt_keyword(tokens: list[Token]) -> str:
     group."""
     unexpected = len(tokens) - 1
     places = [unexpected, unexpected - 1]
-    opened = _opening_bracket(tokens, unexpected)
+    opened = opening_bracket(tokens, unexpected)
     if opened >= 0:
         places.append(opened - 1)
     if unexpected and tokens[unexpected - 1].kind == ")":
-        places.append(_opening_bracket(tokens, unexpected - 1) - 1)
+        places.append(opening_bracket(tokens, unexpected - 1) - 1)
     for place in places:
         if place >= 0 and tokens[place].kind == "NAME":
             keyword = _near_keyword(tokens[place].text)
@@ -110,13 +110,13 @@ def _missing_separator(tokens: list[Token]) -> str:
     then."""
     if len(tokens) < 2 or tokens[-2].kind not in _ENDS_VALUE or tokens[-2].span.end_line == tokens[-1].span.line:
         return ""
-    opened = _opening_bracket(tokens, len(tokens) - 1)
+    opened = opening_bracket(tokens, len(tokens) - 1)
     if opened < 0 or tokens[opened].kind == "{":
         return ";" if tokens[-1].kind in _BEGINS_STATEMENT else ""
     return "," if tokens[-1].kind in _BEGINS_VALUE else ""
 
 
-def _opening_bracket(tokens: list[Token], place: int) -> int:
+def opening_bracket(tokens: list[Token], place: int) -> int:
     """The index of the innermost bracket that is open at a token; -1 for none."""
     closed: list[str] = []
     while place > 0:

@@ -1,8 +1,9 @@
 """The reader of a connection: bytes in, statements and syntax errors out.
 
-A statement is returned as soon as its ``;`` or ``,`` has been read, whatever the boundaries of packets.  The errors of
-a statement are returned when it is complete, and the statement itself is not (server protocol, section 2).  Texts are
-cached with their nodes: a command that a program sends again and again is not lexed again.
+A statement is returned as soon as its ``;`` or ``,`` has been read, whatever the boundaries of packets.  One with an
+error is not returned (server protocol, section 2), but its errors are: when it is complete, or when the input so far
+ends a line.  So who has forgotten a bracket hears of it, although all is skipped until it is closed.  Texts are cached
+with their nodes: a command that a program sends again and again is not lexed again.
 
 ``MAX_TOKENS``, ``MAX_OPEN`` and ``MAX_BYTES`` limit a statement.  A longer one is refused as soon as that is known, and
 the rest of it is skipped: nothing of it runs or is kept.
@@ -58,12 +59,16 @@ class Statement(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class SyntaxProblem:
-    """A syntax error, or a warning; the message has no ``syntax error:`` in front, ``advice`` is for beginners."""
+    """A syntax error, or a warning; the message has no ``syntax error:`` in front, ``advice`` is for beginners.
+
+    ``follows``: the same statement has an earlier error with advice, of which this one may be a consequence.
+    """
 
     message: str
     location: Location
     warning: bool = False
     advice: str = ""
+    follows: bool = False
 
 
 Item = Statement | SyntaxProblem
@@ -124,6 +129,12 @@ class StatementReader:
         self.total = 0
         """Total number of words and signs read, except those of cached statements."""
         self._tokens = 0
+        self._broken = False
+        """Whether the current statement has errors that were returned already."""
+        self._advised = False
+        """Whether one of these has advice."""
+        self._looked_into = 0
+        """Number of its errors whose cause was looked for."""
         self._bytes = 0
         self._pieces: list[Statement] = []
         """What has been cut of a long chain whose end has not been read yet."""
@@ -134,6 +145,16 @@ class StatementReader:
     def pending(self) -> int:
         """Number of bytes of the incomplete statement."""
         return self._bytes
+
+    def describe_rest(self) -> str:
+        """What the incomplete statement needs to be complete, in words; empty without one."""
+        if not self._lexer.is_inside:
+            return ""
+        end = "end the statement with ;"
+        if self._lexer.unfinished:
+            return f"a String, a name between quotes or a comment is open: close it, and {end}"
+        opened = self._parser.open_brackets() if self._open is None else self._open
+        return f"a bracket is open: close it, and {end}" if opened > 0 else end
 
     def feed(self, data: bytes, pace: StepPace | None = None) -> list[Item]:
         """The statements and errors that these bytes complete.
@@ -158,7 +179,7 @@ class StatementReader:
             return items
         end = lexer.end()
         parser.push(Token("END", "", end))
-        if lexer.unfinished and not parser.problems:
+        if lexer.unfinished and not parser.problems and not self._broken:
             parser.problem("unexpected end of command", end)
         self._complete(items, pace)
         return items
@@ -189,6 +210,8 @@ class StatementReader:
             else:
                 too_much = self._too_much(tokens)
                 if not too_much:
+                    if parser.problems and lexer.ends_line:
+                        self._tell(items, lexer.text, lexer.base, pace)
                     return
                 self._refuse(too_much, items)
         if not lexer.is_inside and not self._pieces:
@@ -239,6 +262,8 @@ class StatementReader:
         buffer, at = self._lexer.unread_input
         self.total += self._tokens
         self._tokens = 0
+        self._broken = self._advised = False
+        self._looked_into = 0
         self._bytes = len(buffer) - at
 
     def _end_binary(self) -> bool:
@@ -251,26 +276,33 @@ class StatementReader:
         node, ending = parser.take_command(pace)
         lines, end_column = lexer.extent
         text, base = lexer.take_text(), lexer.base
-        broken, told = False, ""
-        for number, problem in enumerate(parser.problems):
-            pace.step()
-            message, before = problem.message, told
-            if number < MOST_ADVISED:
-                if message.startswith(UNEXPECTED):
-                    message += hint(text, problem.span, base)
-                told = advice(problem.message, text, problem.span)
-            place = Location.of(problem.span, base)
-            items.append(SyntaxProblem(message, place, problem.warning, "" if told == before else told))
-            broken = broken or not problem.warning
-        if broken:
+        warned = bool(parser.problems)
+        self._tell(items, text, base, pace)
+        if self._broken:
             self._pieces.clear()
         elif node is not None or self._pieces:
             separator = "" if ending.kind == "END" else ending.kind
             self._add(Statement(node or Empty(), separator, base, text), items)
-            if node and self._cache is not None and separator and not parser.problems and not lexer.synclines:
+            if node and self._cache is not None and separator and not warned and not lexer.synclines:
                 self._cache.put(text, _Known(node, separator, lines, end_column))
-        parser.problems.clear()
         self._finish_statement()
+
+    def _tell(self, items: list[Item], text: str, base: Position, pace: StepPace) -> None:
+        """Return the errors and warnings of the current statement that were not returned yet."""
+        problems = self._parser.problems
+        for problem in problems:
+            pace.step()
+            message, told = problem.message, ""
+            if self._looked_into < MOST_ADVISED:
+                self._looked_into += 1
+                if message.startswith(UNEXPECTED):
+                    message += hint(text, problem.span, base)
+                told = advice(problem.message, text, problem.span)
+            place = Location.of(problem.span, base)
+            items.append(SyntaxProblem(message, place, problem.warning, told, self._advised))
+            self._advised = self._advised or bool(told)
+            self._broken = self._broken or not problem.warning
+        problems.clear()
 
     def _cut_piece(self, cache: StatementCache, items: list[Item], pace: StepPace) -> bool | None:
         """Take one piece of a long chain; False if none begins here, None if that depends on what comes."""

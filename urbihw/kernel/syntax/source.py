@@ -148,6 +148,16 @@ class SourceText:
         return text
 
     @property
+    def text(self) -> str:
+        """The text of the current statement, as far as it was read."""
+        return "".join((*self._text, self._buffer[self._text_at : self._at]))
+
+    @property
+    def ends_line(self) -> bool:
+        """Whether the input so far ends a line."""
+        return self._buffer.endswith("\n")
+
+    @property
     def is_inside(self) -> bool:
         """Whether a statement has begun and not ended."""
         return self._inside

@@ -39,6 +39,9 @@ KEYWORDS = _words(
     """
 )
 
+# Slots of Global that are the only objects of their kinds: no keywords, but nothing is assigned to them.
+CONSTANTS = frozenset(["false", "nil", "true", "void"])
+
 # Names that are keywords in front of another name where a statement begins; later than 2.3.
 CONTEXTUAL = frozenset(["get", "set"])
 

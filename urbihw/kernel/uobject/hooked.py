@@ -5,6 +5,7 @@ side.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -207,6 +208,8 @@ class Hooked(Executable):
         wanted = value
         if self._meta.properties is not None:
             value = self._limited(value)
+            if value is not wanted:
+                self._explain_limit(wanted, value)
         if self.effector is not None:
             self.effector.admit(wanted, value)
         if self._meta.properties is not None:
@@ -300,6 +303,14 @@ class Hooked(Executable):
         if most.__class__ is float and value > most:
             return most
         return value
+
+    def _explain_limit(self, wanted: Any, value: Any) -> None:
+        """Advise a client that has probably written degrees: once, since a program may write again and again."""
+        unit = (self._meta.properties or {}).get("unit")
+        job = self.world.scheduler.current
+        if getattr(unit, "s", "") == "rad" and abs(wanted) > math.tau and job is not None and job.context is not None:
+            text = f"{wanted:g} is in rad, and was limited to {value:g}: write {wanted:g}deg for degrees"
+            job.context.advise_once("degrees", text)
 
     # ---------------------------------------------------------------- telling
 

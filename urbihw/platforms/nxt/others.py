@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from urbihw.buses.errors import BadValue
 from urbihw.buses.messages import Reply
-from urbihw.kernel.uobject import NIL, Origin, UObject, event, function, reading
+from urbihw.kernel.uobject import Origin, UObject, event, function, reading
 from urbihw.platforms.nxt import protocol as p
 from urbihw.platforms.nxt import words
 from urbihw.platforms.nxt.motion import HIGHEST_HZ, LOWEST_HZ
@@ -34,8 +34,8 @@ class NxtBattery(Gauge):
     remain = reading(math.nan)
     voltage = reading(math.nan)
     # The brick does not measure capacity and current.
-    capacity = reading(NIL)
-    current = reading(NIL)
+    capacity = reading(math.nan)
+    current = reading(math.nan)
 
     def init(self) -> None:
         """``Battery.new``"""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from urbihw.platforms.words import COMMON
+from urbihw.platforms.words import COMMON, untold
 
 BRICK: Final = {
     "withInterface": ("withInterface(device, kind): the device, also of a kind of the standard robot API", ""),
@@ -40,4 +40,4 @@ I2C: Final = {
     "read": ("read(register, count): return the bytes of registers as a list", ""),
     "write": ("write(register, bytes): write bytes to registers", ""),
 }
-BATTERY: Final = COMMON | {"val": ("estimated charge that is left", "ratio")}
+BATTERY: Final = COMMON | untold("capacity", "current") | {"val": ("estimated charge that is left", "ratio")}

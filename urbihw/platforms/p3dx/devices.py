@@ -11,7 +11,6 @@ from functools import partial
 from typing import Any, ClassVar, Final, Protocol
 
 from urbihw.kernel.uobject import (
-    NIL,
     EffectorDevice,
     Motion,
     UObject,
@@ -273,8 +272,8 @@ class P3dxBattery(UObject):
     voltage = reading(math.nan)
     remain = reading(math.nan)
     # The controller measures neither.
-    capacity = reading(NIL)
-    current = reading(NIL)
+    capacity = reading(math.nan)
+    current = reading(math.nan)
     charging = reading("unknown")
     low = event()
 

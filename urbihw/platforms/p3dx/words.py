@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from urbihw.platforms.words import COMMON
+from urbihw.platforms.words import COMMON, untold
 
 BASE: Final = {
     "robotType": ("type that the controller tells", ""),
@@ -47,7 +47,7 @@ YAW: Final = {
 }
 SONAR: Final = {"val": ("distance of the nearest obstacle, inf without an echo, nan while the sonars are off", "m")}
 SONARS: Final = {"load": ("1 switches all sonars on, 0 off", "1")}
-BATTERY: Final = COMMON | {
+BATTERY: Final = COMMON | untold("capacity", "current") | {
     "charging": ("no, bulk, overcharge, float or balance; unknown where there is no dock", ""),
     "low": ("event: the voltage is low", ""),
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, Final
 
@@ -21,6 +21,7 @@ from urbihw.platforms.hooks import LimitedDevice
 from urbihw.platforms.servos import words
 from urbihw.platforms.servos.devices import ServoBusDevice
 from urbihw.platforms.servos.frame import JointFrame, frame_of
+from urbihw.platforms.servos.growth import TreeGrowth
 from urbihw.platforms.servos.motors import ServoMotor
 from urbihw.platforms.servos.options import CALIBRATION, for_driver
 from urbihw.platforms.teach.motions import TaughtMotions
@@ -137,8 +138,7 @@ class ServoRobot(WiredRobot):
         self.tables: dict[str, Devices] = {}
         self._infos: dict[int, DeviceInfo] = {}
         self._missing: dict[int, None] = {}
-        self._new: list[ServoBusDevice] = []
-        self._is_built = False
+        self._growth = TreeGrowth(self._run_growth, self.found.emit, self._complain_of_growth)
         self._pace_watch = PaceWatch()
         self._period = 0.0
         """The `System.period` that was set last."""
@@ -277,7 +277,8 @@ class ServoRobot(WiredRobot):
 
     def is_complete(self) -> bool:
         """Return whether the tree is built and every device found has been read once."""
-        return self._is_built and bool(self.devices) and all(device.is_complete for device in self.devices.values())
+        devices = self.devices.values()
+        return self._growth.is_complete and bool(devices) and all(device.is_complete for device in devices)
 
     def on_link_down(self, reason: str) -> None:
         """Mark all devices as stale."""
@@ -312,8 +313,7 @@ class ServoRobot(WiredRobot):
             elif self._has_known_registers(device, info):
                 self.tables[device.kind_of_device].members[info.id] = device
                 device.link_changed(True)
-        grow = f"{self.robot_name}.grow"
-        self.host.run(f"{grow};", grow, self._on_tree_built)
+        self._growth.begin()
         url = self.arrival.url.sensed
         conflict = self._explain_conflicts(message.conflicts)
         foreign = [info for info in message.devices if self.class_of(info) is None]
@@ -372,13 +372,12 @@ class ServoRobot(WiredRobot):
         if message.holds and message.passed and isinstance(device, ServoMotor):
             device.mark_released()
 
-    def _on_tree_built(self, problem: str) -> None:
-        self._is_built = True
-        if problem:
-            self.log.error("the tree of the robot is not complete: %s", problem)
-        new, self._new = self._new, []
-        for device in new:
-            self.found.emit(device)
+    def _run_growth(self, done: Callable[[str], None]) -> None:
+        grow = f"{self.robot_name}.grow"
+        self.host.run(f"{grow};", grow, done)
+
+    def _complain_of_growth(self, problem: str) -> None:
+        self.log.error("the tree of the robot is not complete: %s", problem)
 
     def _explain_conflicts(self, ids: tuple[int, ...]) -> str:
         for number in {*self._conflicts, *ids}:
@@ -421,7 +420,7 @@ class ServoRobot(WiredRobot):
             self.missing.sense([float(number) for number in self._missing])
         self.devices[info.id] = self.tables[made.kind_of_device].members[info.id] = device
         self._infos[info.id] = info
-        self._new.append(device)
+        self._growth.add(device)
 
     def _has_known_registers(self, device: ServoBusDevice, info: DeviceInfo) -> bool:
         """Return whether a device that answers again has the registers of its object; another one is blocked."""

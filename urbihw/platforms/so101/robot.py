@@ -31,10 +31,15 @@ class SO101(ServoRobot):
         self._leader: Leader | None = None
 
     def class_of(self, info: DeviceInfo) -> type[ServoBusDevice] | None:
-        """Return the class of the gripper or of a joint; an arm has STS servos only."""
+        """Return the class of the gripper, whatever the settings call it, or of a joint; an arm has STS servos only."""
         if info.protocol != FEETECH or "operating_mode" not in ServoBusDevice.table_for(info).items:
             return None
-        return GripperServo if self._named.get(info.id, ("", None))[0] == GRIPPER else ArmServo
+        return GripperServo if info.id == self._gripper_id() else ArmServo
+
+    def _gripper_id(self) -> int:
+        """Return the id of the joint ``gripper``; where no joint has this name, that of LeRobot's set-up."""
+        ids = {name: number for number, (name, _) in (*self._calibrated.items(), *self._named.items())}
+        return ids.get(GRIPPER, JOINTS[GRIPPER])
 
     def open(self, settings: RobotSettings, opened: Opened) -> None:
         """Start the worker of the arm, and that of the leader."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Final
 
 from urbihw.buses import messages as m
-from urbihw.kernel.uobject import NIL, EffectorDevice, Motion, UObject, number, owned, reading, set_range
+from urbihw.kernel.uobject import EffectorDevice, Motion, UObject, number, owned, reading, set_range
 from urbihw.platforms.arrival import LINK_DOWN
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.hooks import LimitNamer, LimitTable
@@ -86,16 +86,16 @@ class SpykeeLed(UObject):
 class SpykeeBattery(MeasuredDevice):
     """The battery: ``remain`` is a share of 1, the last one that was known while it charges.
 
-    The robot measures neither capacity (A h) nor current (A) nor voltage (V): they are nil.
+    The robot measures neither capacity (A h) nor current (A) nor voltage (V): they are nan.
     """
 
     slot_words = words.BATTERY
 
     remain = reading(math.nan)
     charging = reading(False)
-    capacity = reading(NIL)
-    current = reading(NIL)
-    voltage = reading(NIL)
+    capacity = reading(math.nan)
+    current = reading(math.nan)
+    voltage = reading(math.nan)
 
     def init(self) -> None:
         """Nothing to set up: the robot creates the battery."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from urbihw.platforms.words import COMMON
+from urbihw.platforms.words import COMMON, untold
 
 BASE: Final = {
     "power": ("charge of the battery", "%"),
@@ -36,4 +36,4 @@ CLAPPER: Final = {
     "sequence": ("event: a row of claps has ended; with their number", ""),
 }
 LED: Final = {"val": ("1 switches the light on, 0 off", "ratio")}
-BATTERY: Final = COMMON
+BATTERY: Final = COMMON | untold("capacity", "current", "voltage")

@@ -3,7 +3,9 @@
 The programs follow the time of the simulation: after each step the kernel gets the samples, runs all that is due, and
 answers with the target GRANTED, the number of that step; only then comes the next one.  So a program runs the same
 way each time.  A kernel that does not answer for PATIENCE_S does not hold the simulation: it goes on in real time, and
-the kernel gets ``HELD_UP``; the dead-man time of the worker then stops the robot as on a real wire.
+the kernel gets ``HELD_UP``; the dead-man time of the worker then stops the robot as on a real wire.  In the mode "fast"
+these are seconds of the kernel's processor time: on a loaded machine it may wait for its turn as long as it has to, and
+simulated time stands still meanwhile.
 
 Devices: the names of the simulated robot's, ``NODES`` + a name for what a supervisor moves, and SIMULATOR for the rest.
 Targets: "position", "velocity" and "torque" of motors, in rad, rad/s and N m (m, m/s and N of a linear one); the worker
@@ -33,7 +35,7 @@ from urbihw.buses.messages import (
 )
 from urbihw.buses.readings import Quantity
 from urbihw.platforms.webots.model_check import TIMEOUT_S
-from urbihw.platforms.webots.options import WebotsOptions
+from urbihw.platforms.webots.options import FAST, WebotsOptions
 from urbihw.platforms.webots.port import Simulation, SimulationPort
 from urbihw.platforms.webots.simulator import CAMERA, MOTOR, NODES, Outcome, StepOrder
 
@@ -44,7 +46,7 @@ request: those are executed after the tick."""
 HELD_UP: Final = "held up"
 PROBLEM: Final = "problem"
 PATIENCE_S: Final = 1.0
-"""Seconds of real time for the kernel's answer, after which the simulation goes on without it."""
+"""Seconds for the kernel's answer, after which the simulation goes on without it: of real time, or of work."""
 FIRST_PATIENCE_S: Final = 5.0
 """The same before the first step, when the kernel makes the objects of the devices."""
 RENDERER_S: Final = 3.0
@@ -83,6 +85,8 @@ class SimulationDriver(Driver):
         self._stepping = False
         self._paused = False
         self._told_at = self._stepped_at = 0.0
+        self._parent_work: Callable[[], float | None] = lambda: None
+        self._work_at_step: float | None = None
         self._held_up = False
         self._held_ups = 0
         self._time = 0.0
@@ -110,7 +114,9 @@ class SimulationDriver(Driver):
         # The first step waits, too: it shall find the same orders each time, however fast the kernel is.
         self._steps, self._granted = 0, -1
         self._stepping = self._held_up = False
-        self._stepped_at = self._told_at = port.clock.now()
+        self._parent_work = port.context.parent_work
+        self._told_at = port.clock.now()
+        self._begin_waiting(self._told_at)
         self._time = 0.0
         for device, period in self._watches.items():
             self._enable(device, period)
@@ -170,13 +176,29 @@ class SimulationDriver(Driver):
             self._held_up = False
             return True
         patience = PATIENCE_S if self._steps else FIRST_PATIENCE_S
-        if now - self._stepped_at <= patience and not self._held_up:
+        if self._waited(now) <= patience and not self._held_up:
             return False
         if not self._held_up:
             self._held_up = True
             self._held_ups += 1
             news.append(DeviceReport(SIMULATOR, HELD_UP, self._time))
         return True
+
+    def _begin_waiting(self, now: float) -> None:
+        self._stepped_at, self._work_at_step = now, self._parent_work()
+
+    def _waited(self, now: float) -> float:
+        """Seconds that the kernel has had for the last step: of its work in the mode "fast", where that is known."""
+        waited = now - self._stepped_at
+        if waited <= PATIENCE_S or self._options.mode != FAST:
+            return waited
+        work = self._parent_work()
+        return waited if work is None or self._work_at_step is None else work - self._work_at_step
+
+    def waits_for_parent(self) -> bool:
+        """See ``Driver``: in the mode "fast" simulated time stands still until the kernel has handled the step."""
+        held = self._simulation is not None and self._granted < self._steps and not self._held_up
+        return held and self._options.mode == FAST
 
     def _handle_outcome(self, outcome: Outcome, now: float) -> list[FromWorker]:
         news: list[FromWorker] = [DeviceReport(SIMULATOR, PROBLEM, problem) for problem in outcome.problems]
@@ -185,7 +207,7 @@ class SimulationDriver(Driver):
         self._time = outcome.time
         if not self._paused:
             self._steps += 1
-        self._stepped_at = now
+        self._begin_waiting(now)
         values: dict[str, Mapping[str, Any]] = {}
         for name, value in outcome.samples.items():
             self._last[name] = value
@@ -258,7 +280,8 @@ class SimulationDriver(Driver):
 
     def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
         """Motors hold their place, or turn no more, from the next step on: some, those that were moved; else all."""
-        if self._granted < self._steps and self._clock.now() - self._stepped_at > STOP_PATIENCE_S:
+        overdue = self._granted < self._steps and self._clock.now() - self._stepped_at > STOP_PATIENCE_S
+        if overdue and not self.waits_for_parent():
             # The kernel is silent: without a step nothing would stop.
             self._held_up = True
         stopped = sorted(self._kinds) if devices is None else [each for each in self._moved if each in devices]

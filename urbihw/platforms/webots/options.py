@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 from urbihw.settings import TEXT, SettingsTable, choice, number, setting, whole
 
-SPEEDS = ("real", "fast", "pause")
+FAST: Final = "fast"
+SPEEDS: Final = ("real", FAST, "pause")
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ from urbihw_nao.qimessaging.login import (
     describe_hang_up,
     describe_silence,
 )
-from urbihw_nao.qimessaging.metaobject import MetaObject
+from urbihw_nao.qimessaging.metaobject import MetaObject, Method, QiSignal
 from urbihw_nao.qimessaging.opening import SessionPort
 from urbihw_nao.qimessaging.session import (
     TIMEOUT_S,
@@ -44,7 +44,6 @@ from urbihw_nao.qimessaging.session import (
     QiService,
     QiSession,
     QiSubscription,
-    find_member,
     first_line,
     no_such_signal,
     unusable,
@@ -251,50 +250,42 @@ class LibqiSession(QiSession):
             raise self._gone()
         return found
 
-    def _send(self, service: QiService, name: str, arguments: tuple[Any, ...]) -> tuple[Any, Type]:
+    def _send(self, service: QiService, method: Method, arguments: tuple[Any, ...]) -> tuple[Any, Type]:
         """Call a method; return the future of libqi and the type of its value.  Raises BadValue, LinkGone."""
-        method = service.meta.choose(service.name, name, arguments)
         parts = parse(method.parameters).parts
         words = [to_libqi(part, each, 0) for part, each in zip(parts, arguments, strict=True)]
         try:
             future = self._object(service).call(f"{method.name}::{method.parameters}", *words, _async=True)
         except RuntimeError as error:
-            raise BadValue(f"{service.name}.{name}: {first_line(error)}") from error
+            raise BadValue(f"{service.name}.{method.name}: {first_line(error)}") from error
         return future, parse(method.returns)
 
-    def call(
+    def _call(
         self,
         service: QiService,
-        name: str,
-        *arguments: Any,
-        then: Callable[[QiCall], None] | None = None,
-        timeout: float = TIMEOUT_S,
+        method: Method,
+        arguments: tuple[Any, ...],
+        then: Callable[[QiCall], None] | None,
+        timeout: float,
     ) -> QiCall:
-        """Call a method; ``then`` gets the outcome.  Raises BadValue, LinkGone."""
-        future, returns = self._send(service, name, arguments)
+        future, returns = self._send(service, method, arguments)
         return self._follow(future, then, timeout, returns)
 
-    def post(self, service: QiService, name: str, *arguments: Any) -> None:
-        """Call a method and drop the answer, which libqi gets all the same.  Raises BadValue, LinkGone."""
-        self._send(service, name, arguments)
+    def _post(self, service: QiService, method: Method, arguments: tuple[Any, ...]) -> None:
+        # libqi gets the answer all the same.
+        self._send(service, method, arguments)
 
-    def get_property(self, service: QiService, name: str, then: Callable[[QiCall], None] | None = None) -> QiCall:
-        """Read a property.  Raises BadValue, LinkGone."""
-        find_member(service, "property", service.meta.properties, name)
-        return self._follow(self._object(service).call("property::(m)", name, _async=True), then)
+    def _read(self, service: QiService, found: QiSignal, then: Callable[[QiCall], None] | None) -> QiCall:
+        return self._follow(self._object(service).call("property::(m)", found.name, _async=True), then)
 
-    def set_property(
-        self, service: QiService, name: str, value: Any, then: Callable[[QiCall], None] | None = None
+    def _write(
+        self, service: QiService, found: QiSignal, value: Any, then: Callable[[QiCall], None] | None
     ) -> QiCall:
-        """Write a property.  Raises BadValue, LinkGone."""
-        find_member(service, "property", service.meta.properties, name)
         word = to_libqi(parse("m"), value, 0)
-        return self._follow(self._object(service).call("setProperty::(mm)", name, word, _async=True), then)
+        return self._follow(self._object(service).call("setProperty::(mm)", found.name, word, _async=True), then)
 
-    def listen(self, service: QiService, name: str, heard: Heard) -> QiSubscription:
-        """Call ``heard`` with the values of each signal from now on.  Raises BadValue, LinkGone."""
-        find_member(service, "signal", service.meta.signals, name)
-        return self._listen(self._object(service), name, heard)
+    def _hear(self, service: QiService, signal: QiSignal, heard: Heard) -> QiSubscription:
+        return self._listen(self._object(service), signal.name, heard)
 
     def listen_to_object(self, found: Any, name: str, heard: Heard) -> QiSubscription:
         """Listen to an object that a method has returned.  Raises BadValue, LinkGone."""

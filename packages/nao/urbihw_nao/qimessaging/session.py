@@ -24,7 +24,7 @@ from urbihw.buses.errors import BadValue, LinkGone, Unavailable
 from urbihw_nao.qimessaging.checked import LONGEST_SHOWN, describe_error, show_text
 from urbihw_nao.qimessaging.frames import QiMessage
 from urbihw_nao.qimessaging.login import Login
-from urbihw_nao.qimessaging.metaobject import MetaObject
+from urbihw_nao.qimessaging.metaobject import MetaObject, Method, QiSignal
 from urbihw_nao.qimessaging.serving import Caller
 
 TIMEOUT_S: Final = 2.0
@@ -152,7 +152,6 @@ class QiSession(ABC):
 
     # ---------------------------------------------------------------- services
 
-    @abstractmethod
     def call(
         self,
         service: QiService,
@@ -162,24 +161,54 @@ class QiSession(ABC):
         timeout: float = TIMEOUT_S,
     ) -> QiCall:
         """Call a method; ``then`` gets the outcome.  Raises BadValue (no such method, wrong arguments), LinkGone."""
+        return self._call(service, service.meta.choose(service.name, name, arguments), arguments, then, timeout)
 
     @abstractmethod
+    def _call(
+        self,
+        service: QiService,
+        method: Method,
+        arguments: tuple[Any, ...],
+        then: Callable[[QiCall], None] | None,
+        timeout: float,
+    ) -> QiCall:
+        """Call a method that was chosen.  Raises BadValue, LinkGone."""
+
     def post(self, service: QiService, name: str, *arguments: Any) -> None:
         """Call a method and want no answer.  Raises BadValue, LinkGone."""
+        self._post(service, service.meta.choose(service.name, name, arguments), arguments)
 
     @abstractmethod
+    def _post(self, service: QiService, method: Method, arguments: tuple[Any, ...]) -> None:
+        """Call a method that was chosen, for no answer.  Raises BadValue, LinkGone."""
+
     def get_property(self, service: QiService, name: str, then: Callable[[QiCall], None] | None = None) -> QiCall:
         """Read a property.  Raises BadValue, LinkGone."""
+        return self._read(service, find_member(service, "property", service.meta.properties, name), then)
 
     @abstractmethod
+    def _read(self, service: QiService, found: QiSignal, then: Callable[[QiCall], None] | None) -> QiCall:
+        """Read a property that is there.  Raises LinkGone."""
+
     def set_property(
         self, service: QiService, name: str, value: Any, then: Callable[[QiCall], None] | None = None
     ) -> QiCall:
         """Write a property.  Raises BadValue, LinkGone."""
+        return self._write(service, find_member(service, "property", service.meta.properties, name), value, then)
 
     @abstractmethod
+    def _write(
+        self, service: QiService, found: QiSignal, value: Any, then: Callable[[QiCall], None] | None
+    ) -> QiCall:
+        """Write a property that is there.  Raises BadValue, LinkGone."""
+
     def listen(self, service: QiService, name: str, heard: Heard) -> QiSubscription:
         """Call ``heard`` with the values of each signal from now on.  Raises BadValue, LinkGone."""
+        return self._hear(service, find_member(service, "signal", service.meta.signals, name), heard)
+
+    @abstractmethod
+    def _hear(self, service: QiService, signal: QiSignal, heard: Heard) -> QiSubscription:
+        """Listen to a signal that is there.  Raises LinkGone."""
 
     @abstractmethod
     def listen_to_object(self, found: Any, name: str, heard: Heard) -> QiSubscription:
@@ -199,7 +228,7 @@ class QiSession(ABC):
         raise Unavailable(errno.ENOTSUP, "objects can be offered to NAOqi over qi:// and qis:// only")
 
 
-def find_member(service: QiService, kind: str, members: Mapping[str, Any], name: str) -> Any:
+def find_member(service: QiService, kind: str, members: Mapping[str, QiSignal], name: str) -> QiSignal:
     """The signal or property of this name.  Raises BadValue, naming what there is."""
     if name not in members:
         known = show_text(", ".join(sorted(members)) or "none")

@@ -30,7 +30,7 @@ from urbihw_nao.qimessaging.login import (
     describe_silence,
     describe_stranger,
 )
-from urbihw_nao.qimessaging.metaobject import MetaObject
+from urbihw_nao.qimessaging.metaobject import MetaObject, Method, QiSignal
 from urbihw_nao.qimessaging.metatype import META_OBJECT
 from urbihw_nao.qimessaging.serving import Caller
 from urbihw_nao.qimessaging.session import (
@@ -40,7 +40,6 @@ from urbihw_nao.qimessaging.session import (
     QiService,
     QiSession,
     QiSubscription,
-    find_member,
     no_such_signal,
 )
 from urbihw_nao.qimessaging.values import encode
@@ -246,43 +245,33 @@ class WireSession(QiSession):
 
     # ---------------------------------------------------------------- services
 
-    def call(
+    def _call(
         self,
         service: QiService,
-        name: str,
-        *arguments: Any,
-        then: Callable[[QiCall], None] | None = None,
-        timeout: float = TIMEOUT_S,
+        method: Method,
+        arguments: tuple[Any, ...],
+        then: Callable[[QiCall], None] | None,
+        timeout: float,
     ) -> QiCall:
-        """Call a method; ``then`` gets the outcome.  Raises BadValue, LinkGone."""
-        method = service.meta.choose(service.name, name, arguments)
-        payload = encode(method.parameters, arguments)
         address = service.number, MAIN, method.uid
+        payload = encode(method.parameters, arguments)
         return self._home(service.number).call(address, payload, method.returns, then, timeout)
 
-    def post(self, service: QiService, name: str, *arguments: Any) -> None:
-        """Call a method and want no answer.  Raises BadValue, LinkGone."""
-        method = service.meta.choose(service.name, name, arguments)
+    def _post(self, service: QiService, method: Method, arguments: tuple[Any, ...]) -> None:
         payload = encode(method.parameters, arguments)
         self._home(service.number).send(f.POST, (service.number, MAIN, method.uid), payload)
 
-    def get_property(self, service: QiService, name: str, then: Callable[[QiCall], None] | None = None) -> QiCall:
-        """Read a property.  Raises BadValue, LinkGone."""
-        uid = find_member(service, "property", service.meta.properties, name).uid
+    def _read(self, service: QiService, found: QiSignal, then: Callable[[QiCall], None] | None) -> QiCall:
         address = service.number, MAIN, PROPERTY
-        return self._home(service.number).call(address, encode("(m)", (uid,)), "m", then)
+        return self._home(service.number).call(address, encode("(m)", (found.uid,)), "m", then)
 
-    def set_property(
-        self, service: QiService, name: str, value: Any, then: Callable[[QiCall], None] | None = None
+    def _write(
+        self, service: QiService, found: QiSignal, value: Any, then: Callable[[QiCall], None] | None
     ) -> QiCall:
-        """Write a property.  Raises BadValue, LinkGone."""
-        uid = find_member(service, "property", service.meta.properties, name).uid
         address = service.number, MAIN, SET_PROPERTY
-        return self._home(service.number).call(address, encode("(mm)", (uid, value)), "v", then)
+        return self._home(service.number).call(address, encode("(mm)", (found.uid, value)), "v", then)
 
-    def listen(self, service: QiService, name: str, heard: Heard) -> QiSubscription:
-        """Call ``heard`` with the values of each signal from now on.  Raises BadValue, LinkGone."""
-        signal = find_member(service, "signal", service.meta.signals, name)
+    def _hear(self, service: QiService, signal: QiSignal, heard: Heard) -> QiSubscription:
         return self._listen((service.number, MAIN, signal.uid), signal.signature, heard)
 
     def listen_to_object(self, found: Any, name: str, heard: Heard) -> QiSubscription:
