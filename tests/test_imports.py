@@ -105,6 +105,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.backoff": (),
     "urbihw.repeats": (),
     "urbihw.exitcodes": (),
+    # How the user names the commands: for all that tell him to type one.
+    "urbihw.started": (),
     # Where a bus worker listens besides its file.
     "urbihw.control_address": (),
     # The client's side of that socket: for the commands, the gateway and the metrics.
@@ -251,6 +253,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.control_address",
         "urbihw.control_line",
         "urbihw.extras",
+        "urbihw.started",
         "urbihw.daemon",
         "urbihw.remote",
         "urbihw.client",
@@ -273,7 +276,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.backoff", "urbihw.exitcodes",
     ),  # fmt: skip
     # How a server is reached.  What it says is read in one place, for commands and for devices in another process.
-    "urbihw.client": ("urbihw.client.lines", "urbihw.client.values"),
+    "urbihw.client": ("urbihw.client.lines", "urbihw.client.values", "urbihw.started"),
     "urbihw.client.lines": (),
     "urbihw.client.values": ("urbihw.client.lines",),
     # A program that uses a robot says urbihw.connect.
