@@ -111,6 +111,11 @@ class Record:
         kept = self._kept.get(obj)
         return kept is not None and name in kept.slots
 
+    def is_librarys(self, name: str) -> bool:
+        """Whether a slot of Global belongs to the library: neither the robot nor a program has made it."""
+        kept = self._kept.get(self._world.global_)
+        return kept is not None and name in kept.slots and name not in self._robots
+
     def guard(self, obj: Obj, name: str) -> None:
         """Raise an error if making or replacing a slot of this protected name would replace or hide a protected
         slot.
