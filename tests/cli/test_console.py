@@ -18,7 +18,7 @@ from urbihw.cli.console import address, plain
 from urbihw.cli.console.assistant import Assistant, Description, KnownName, NoAnswer, strings, written
 from urbihw.cli.console.colours import painted
 from urbihw.cli.console.completion import candidates
-from urbihw.cli.console.help import described
+from urbihw.cli.console.help import described, keys_text
 from urbihw.cli.console.lexer import UrbiscriptLexer
 from urbihw.cli.console.screen import asked_help, depth, history, lacks_separator
 from urbihw.cli.console.session import ConsoleSession
@@ -262,9 +262,9 @@ def test_names_are_those_of_the_users_lobby(monkeypatch: pytest.MonkeyPatch) -> 
     names = asked(monkeypatch, ROBOT, lambda assistant, uid: assistant.names(uid, (), ""))
     ranks = {each.name: each.rank for each in names}
     assert {"mine", "robot", "echo", "connectionTag"} <= set(ranks)
-    assert (ranks["robot"], ranks["echo"], ranks["Float"]) == ("0", "2", "2")
+    assert (ranks["robot"], ranks["echo"], ranks["Float"], ranks["connectionTag"]) == ("0", "3", "3", "3")
     few = asked(monkeypatch, ROBOT, lambda assistant, uid: assistant.names(uid, (), "slee"))
-    assert few == [KnownName("sleep", "2", "Sleep for a duration in seconds; without an argument, for ever.")]
+    assert few == [KnownName("sleep", "3", "Sleep for a duration in seconds; without an argument, for ever.")]
 
 
 def test_arguments_of_functions(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -276,6 +276,22 @@ def test_arguments_of_functions(monkeypatch: pytest.MonkeyPatch) -> None:
     assert call((), "sleep")[0] == "(duration = inf)"
     assert call((), "sleep")[1].startswith("Sleep for a duration in seconds")
     assert call((), "mine") == ("", "")
+
+
+def test_help_fits_the_terminal_and_keeps_words_whole() -> None:
+    rows = ("load\t0\t\t0 to 1\t1 switches the torque on, 0 off",
+            "val\t0.1\trad\t-1 to 1\tmeasured angle; goal when written",
+            "list\t[1, 2, 3, 4, 5, 6, 7, 8, 9]\t\t\tsome numbers", "stop\t\t\t\t")  # fmt: skip
+    text = "A servo with a description that is longer than a narrow line.\nUnit: rad."
+    what = Description("AX12", text, "A, B", "", rows)
+    words = {word for row in rows for word in row.split("\t")[-1].split()}
+    for columns in (40, 60, 110):
+        text = "".join(part[1] for part in described("motor6", what, columns))  # type: ignore[union-attr]
+        assert max(map(len, text.splitlines())) < columns
+        assert words <= {word for line in text.splitlines() for word in line.split()}
+        assert "\n  Unit: rad.\n" in text
+        assert max(map(len, keys_text(columns).splitlines())) < columns
+    assert "  list  [1, 2, 3, 4, 5, 6, 7, 8, 9]\n                              some numbers\n" in text
 
 
 @pytest.mark.parametrize("path", [("robot", "arm"), ("robot", "legs", (0.0,)), ("Motor",)])

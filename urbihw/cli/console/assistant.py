@@ -38,8 +38,7 @@ class KnownName(NamedTuple):
 
     Attributes:
         name: its name.
-        rank: "0" for what the robot or a program has made, "1" for other slots of the object, "2" for what every object
-            has.
+        rank: "0" for what the user looks for first, up to "3" for what every object has (``System.completions``).
         meaning: what it is, in one line; "" where the server does not say.
     """
 

@@ -15,7 +15,7 @@ from urbihw.client.subject import Subject, subject
 from urbihw.kernel.stages import WORDS
 
 COMMANDS: Final = ("help",)
-LANGUAGE: Final = "2"
+LANGUAGE: Final = "3"
 """The rank of the words of the language: they stand with what every object has."""
 _IDENTIFIER: Final = re.compile(r"[A-Za-z_]\w*")
 

@@ -149,7 +149,8 @@ class Screen:
         with contextlib.suppress(NoAnswer):
             arguments, text = await self._assistant.call(self._session.uid, *call)
             if call == self._call and (arguments or text):
-                self._call_hint = f"{call[1]}{arguments or '()'}: {text.partition(chr(10))[0]}".removesuffix(": ")
+                how, said = f"{call[1]}{arguments or '()'}", text.partition("\n")[0]
+                self._call_hint = said if said.startswith(how) else f"{how}: {said}".removesuffix(": ")
                 self._prompt.app.invalidate()
 
     def _hint(self) -> AnyFormattedText:

@@ -11,28 +11,35 @@ from typing import Any, Final
 from urbihw.kernel.runtime.code import Executable
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
+from urbihw.kernel.runtime.slot import peek_meta
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.stdlib.documentation import docstrings_of
 from urbihw.kernel.value import Value
 
 TABLE = Table("System")
 
-USERS, OWN, EVERYBODYS = "0", "1", "2"
-"""Ranks: what the robot or a program has made, or what a device is for; other slots of the object; what every object of
-its kind has, and the library."""
+USERS, TOLD, OWN, EVERYBODYS = "0", "1", "2", "3"
+"""Ranks: what the robot or a program has made, and the slots that move a device; other slots that have a meaning; those
+without one; what every object of its kind has, and the library."""
+_OF_LOBBIES: Final = ("connectionTag", "remoteIP")
+"""Slots that each connection has of its own."""
 _EVERY: Final = ("UObject", "Interface", "Component", "Localizer", "Lobby", "Group")
 """Prototypes whose slots tell nothing about the object, beside those of all objects."""
+_MARKER: Final = re.compile(r"as[A-Z]\w*$", re.ASCII)
+"""A slot by which instances of a class are known."""
 _IDENTIFIER: Final = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 
 
 @TABLE.primitive("completions")
 def completions(world: World, this: Value, holder: Value, prefix: str) -> Value:
     """The slots of an object whose names begin with a text: a List of [name, rank, meaning] for each, all Strings.  The
-    rank is "0" for what the robot and programs have made, and the documented slots of a device; "1" for other slots of
-    the object; "2" for what every object has.  Names with ``_`` in front only after a ``_``."""
+    rank is "0" for what the robot and programs have made, and for slots that move a device; "1" for others with a
+    meaning, "2" for those without; "3" for what every object has.  Names with ``_`` in front only after a ``_``."""
     obj = world.peek_obj(holder)
     every = {id(one) for one in _lineage(world.global_)}
-    every |= {id(world.global_.slots[name]) for name in _EVERY if name in world.global_.slots}
+    for name in _EVERY:
+        proto = world.global_.slots.get(name)
+        every |= {id(one) for one in _lineage(proto)} if isinstance(proto, Obj) else set()
     rows = []
     for name, found in _slots(obj).items():
         if name.startswith(prefix) and _IDENTIFIER.fullmatch(name) and (prefix or not name.startswith("_")):
@@ -71,7 +78,10 @@ def _judged(world: World, obj: Obj, holder: Obj, name: str, every: set[int]) -> 
     if holder is world.global_:
         if world.record.is_librarys(name):
             return EVERYBODYS, meaning
-        return (OWN if name[0].isupper() else USERS), meaning
-    if id(holder) in every:
+        return (TOLD if name[0].isupper() else USERS), meaning
+    meta = peek_meta(holder, name)
+    if id(holder) in every or name in _OF_LOBBIES or _MARKER.match(name):
         return EVERYBODYS, meaning
-    return (USERS if meaning or holder is obj and is_thing else OWN), meaning
+    if holder is obj and is_thing or getattr(meta and meta.accessor, "effector", None) is not None:
+        return USERS, meaning
+    return (TOLD if meaning else OWN), meaning
