@@ -8,6 +8,7 @@ import pytest
 from so101_lab import Lab
 
 from urbihw.buses import messages as m
+from urbihw.kernel.lobby import templates
 
 
 def write(lab: Lab, text: str, seconds: float = 0.0) -> str:
@@ -27,6 +28,16 @@ def test_a_group_goes_out_with_one_tick_and_tells_what_is_applied() -> None:
     lab.run(1.5)
     assert lab.bend("shoulder_pan") == pytest.approx(0.3, abs=0.01)
     assert lab.bend("elbow_flex") == pytest.approx(-0.2, abs=0.01)
+
+
+def test_other_numbers_are_not_compiled_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    lab = Lab.ready()
+    lab.say("motors.load = 1;", 0.1)
+    for goal in (0.1, 0.2):
+        write(lab, f'["shoulder_pan.val"], [{goal}]')
+    monkeypatch.setattr(templates, "parse_program", lambda text: pytest.fail(f"compiled: {text}"))
+    assert write(lab, '["shoulder_pan.val"], [0.3]', 1.5) == '["", [[0.3, ""]]]'
+    assert lab.bend("shoulder_pan") == pytest.approx(0.3, abs=0.01)
 
 
 def test_limits_and_a_motor_that_is_off_are_told() -> None:

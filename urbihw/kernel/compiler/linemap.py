@@ -8,6 +8,7 @@ entry is negative for the arguments of a call that bounces to the lobby: it coun
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 from urbihw.kernel.syntax.location import Location, Position, Span
@@ -26,6 +27,11 @@ class MappedCall(NamedTuple):
 
     location: Location
     name: str | None
+
+
+def have_bounced(entries: Iterable[MappedPlace]) -> bool:
+    """Whether some of these places are in arguments of calls that bounce to the lobby."""
+    return any(entry.outer < 0 for entry in entries)
 
 
 class LineMap:
@@ -49,7 +55,9 @@ class LineMap:
     def has_bounced(self) -> bool:
         """Whether there are arguments of calls that bounce to the lobby."""
         if self._has_bounced is None:
-            self._has_bounced = any(entry.outer < 0 for entry in self.entries)
+            # Each write that moves a device asks; a statement of a template need not be compiled for it.
+            known = getattr(self.entries, "have_bounced", None)
+            self._has_bounced = have_bounced(self.entries) if known is None else known
         return self._has_bounced
 
     def frames(self, index: int, bounces: bool = False) -> list[MappedCall]:

@@ -26,7 +26,7 @@ from types import CodeType
 from typing import TYPE_CHECKING, Any, Final, overload
 
 from urbihw.kernel.compiler import CompiledUnit, compile_node
-from urbihw.kernel.compiler.linemap import MappedPlace
+from urbihw.kernel.compiler.linemap import MappedPlace, have_bounced
 from urbihw.kernel.compiler.unit import CompilerState, Syntax
 from urbihw.kernel.syntax.ast import Node
 from urbihw.kernel.syntax.reader import Statement, StatementCache, parse_program
@@ -125,6 +125,7 @@ class _Form:
         literals = [f'"{each}"' if isinstance(each, str) else repr(each) for each in stand_ins] + [""]
         unit = compile_(_node("".join([x + y for x, y in zip(bones.split("\0"), literals, strict=True)])))
         self._code, self._places = unit.code, _Places(unit.code, stand_ins)
+        self._bounced = have_bounced(unit.entries)
         self.usable = not unit.constants and not unit.pieces and self._places.all_literals() == set(range(len(kinds)))
         if self.usable:
             meant = self._compile(_node(text)).code
@@ -137,7 +138,8 @@ class _Form:
         if self._last is None or not self._last.is_of(text):
             self._last = _Real(text, self._compile)
         real = self._last
-        return CompiledUnit(self._places.filled(self._code, values), _Entries(real), [], _Syntax(real), [])
+        code, entries = self._places.filled(self._code, values), _Entries(real, self._bounced)
+        return CompiledUnit(code, entries, [], _Syntax(real), [])
 
 
 class _Places:
@@ -210,13 +212,15 @@ class _Real:
 
 
 class _Entries(list[MappedPlace]):
-    """The places in the source, compiled when they are needed."""
+    """The places in the source, compiled when they are needed.  ``have_bounced`` is the same for all statements of a
+    template."""
 
-    __slots__ = ("_real",)
+    __slots__ = ("_real", "have_bounced")
 
-    def __init__(self, real: _Real) -> None:
+    def __init__(self, real: _Real, bounced: bool) -> None:
         super().__init__()
         self._real = real
+        self.have_bounced = bounced
 
     def __len__(self) -> int:
         return len(self._real.get().entries)
