@@ -225,6 +225,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.buses",
         "urbihw.settings",
         "urbihw.extras",
+        "urbihw.started",
         "urbihw.files",
         "urbihw.backoff",
         "urbihw.control_address",
