@@ -9,6 +9,7 @@ import re
 from typing import Any, Final
 
 from urbihw.kernel.runtime.code import Executable
+from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.slot import peek_meta
@@ -73,9 +74,10 @@ def _judged(world: World, obj: Obj, holder: Obj, name: str, every: set[int]) -> 
     """The rank of a slot and its meaning; ``every`` are the identities of what tells nothing about an object."""
     said = docstrings_of(world)
     value: Any = holder.slots[name]
-    is_thing = isinstance(value, Obj) and not isinstance(value, Executable)
-    meaning = said.meaning(obj, name) or (said.about(value).partition("\n")[0] if is_thing else "")
-    if holder is world.global_:
+    is_thing = isinstance(value, Obj) and not isinstance(value, Executable | Event)
+    is_device = isinstance(getattr(value, "kind", None), type)
+    meaning = said.meaning(obj, name) or (said.about(value).partition("\n")[0] if is_device else "")
+    if holder is world.global_ and (obj is holder or getattr(obj, "is_per_connection", False)):
         if world.record.is_librarys(name):
             return EVERYBODYS, meaning
         return (TOLD if name[0].isupper() else USERS), meaning
