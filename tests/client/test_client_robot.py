@@ -584,10 +584,14 @@ var Global.j1 = Joint.new; var Global.j2 = Joint.new; j2.limitedBy = "a limit"; 
 """
 
 
+def leaser(lan: Lan) -> Any:
+    """The lobby of the server for the program that has said so in ``leaser``."""
+    return lan.kernel.world.global_.slots["leaser"]
+
+
 def heard_of(lan: Lan) -> Callable[[], int]:
-    """The number of bytes that the server has received from the program with the slot ``leaser``."""
-    lobby: Any = lan.kernel.world.global_.slots["leaser"]
-    return lambda: int(lobby.received)
+    """The number of bytes that the server has received from this program."""
+    return lambda: int(leaser(lan).received)
 
 
 def wait_until(done: Callable[[], bool]) -> None:
@@ -608,7 +612,9 @@ def test_a_block_has_a_lease_that_the_library_keeps(robot: Robot, lan: Lan) -> N
         received = heard_of(lan)
         heard = received()
         wait_until(lambda: received() >= heard + 2)
+        released = leaser(lan).released_at
     assert robot["lease"] == 0
+    assert leaser(lan).released_at > released, "what the block has moved goes on"
     wait_until(lambda: threading.active_count() == before)
     with pytest.raises(UrbiError, match="a lease lasts for"), robot.lease(seconds=0.01):
         pass
@@ -634,9 +640,11 @@ def test_a_lease_of_asyncio_too(lan: Lan) -> None:
             with pytest.raises(ZeroDivisionError):
                 async with robot.lease(seconds=0.4):
                     assert await robot["lease"] == 0.4
-                    await asyncio.sleep(1.0)
+                    await robot.run("var Global.leaser = lobby|")
+                    released = leaser(lan).released_at
                     raise ZeroDivisionError
             assert await robot["lease"] == 0
+            assert leaser(lan).released_at > released
             with pytest.raises(UrbiError, match="a lease lasts for"):
                 async with robot.lease(seconds=9999):
                     pass
