@@ -106,6 +106,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.backoff": (),
     "urbihw.repeats": (),
     "urbihw.exitcodes": (),
+    # How the user names the commands: for all that tell him to type one.
+    "urbihw.started": (),
     # Where a bus worker listens besides its file.
     "urbihw.control_address": (),
     # The client's side of that socket: for the commands, the gateway and the metrics.
@@ -228,6 +230,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.buses",
         "urbihw.settings",
         "urbihw.extras",
+        "urbihw.started",
         "urbihw.files",
         "urbihw.backoff",
         "urbihw.control_address",
@@ -257,6 +260,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.control_address",
         "urbihw.control_line",
         "urbihw.extras",
+        "urbihw.started",
         "urbihw.daemon",
         "urbihw.remote",
         "urbihw.client",
@@ -279,7 +283,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.backoff", "urbihw.exitcodes",
     ),  # fmt: skip
     # How a server is reached.  What it says is read in one place, for commands and for devices in another process.
-    "urbihw.client": ("urbihw.client.lines", "urbihw.client.values"),
+    "urbihw.client": ("urbihw.client.lines", "urbihw.client.values", "urbihw.started"),
     "urbihw.client.lines": (),
     "urbihw.client.values": ("urbihw.client.lines",),
     # A program that uses a robot says urbihw.connect.

@@ -164,6 +164,7 @@ def test_joints_that_were_not_moved_are_asked_for_and_left_out(tmp_path: Path) -
     calibrate.calibrate(work, {}, RangeDisplay(io.StringIO()), lambda: next(keys) if (line := hand()) else line)
     assert list(calibration.load(out)) == ["motor1"]
     assert "Not moved yet: motor2." in said.getvalue()
+    assert "NOT calibrated, because not moved: motor2; the file has nothing of them" in said.getvalue()
     assert all(unit.registers.get("ccw_limit") == 1023 for unit in rig.kit)
     work, _ = job(rig, f"URL --out {out}", (None, ""))
     with pytest.raises(ServoError, match="no joint was moved: nothing is written"):

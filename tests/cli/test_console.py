@@ -7,7 +7,7 @@ import asyncio
 import io
 import os
 import re
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
 from typing import Any, TypeVar
 
 import pytest
@@ -15,18 +15,18 @@ from kernel_socket import HERE, NOBODY, KernelSocket, serve
 from pygments.token import Comment, Error, Keyword, Name, Number, String  # type: ignore[import-untyped]
 
 from urbihw.cli.console import address, plain
-from urbihw.cli.console.assistant import Assistant, Description, NoAnswer, strings, written
+from urbihw.cli.console.assistant import Assistant, Description, KnownName, NoAnswer, strings, written
 from urbihw.cli.console.colours import painted
 from urbihw.cli.console.completion import candidates
-from urbihw.cli.console.help import described
+from urbihw.cli.console.help import described, keys_text
 from urbihw.cli.console.lexer import UrbiscriptLexer
-from urbihw.cli.console.screen import depth, history, is_command, lacks_separator
+from urbihw.cli.console.screen import asked_help, depth, history, lacks_separator
 from urbihw.cli.console.session import ConsoleSession
 from urbihw.cli.main import main
 from urbihw.cli.options import CliRefused
 from urbihw.client.credentials import Credentials
 from urbihw.client.lines import Line, Lines
-from urbihw.client.subject import Subject, subject, whole_path
+from urbihw.client.subject import Subject, open_call, subject, whole_path
 from urbihw.client.where import Where
 
 T = TypeVar("T")
@@ -138,21 +138,50 @@ def test_paths_and_commands() -> None:
     assert whole_path(" motors[6].val ;") == ("motors", (6.0,), "val")
     assert whole_path("lobby") == ("lobby",)
     assert whole_path("f(1)") is None
-    assert [text for text in ("help", "help x.y;", "help = 3;", "helper;", "help(1);") if is_command(text)] == [
-        "help", "help x.y;",
-    ]
+    texts = ("help", "help x.y;", " motors[6].val? ", "x ?", "?", "help = 3;", "helper;", "help(1);", "e?(1)", "x?;")
+    assert [asked_help(text) for text in texts] == ["", "x.y", "motors[6].val", "x", "", None, None, None, None, None]
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [
+        ("motor6.readRegister(", (("motor6",), "readRegister")),
+        ("x = sleep(1s", ((), "sleep")),
+        ('robot.say("a (b", ', (("robot",), "say")),
+        ('echo("unfinished', ((), "echo")),
+        ("a.b(c(1), [2, (3)], ", (("a",), "b")),
+        ("a.b(c(1", ((), "c")),
+        ("motors[6].f(", (("motors", (6.0,)), "f")),
+        ("a.b(1)", None),
+        ("a.b(1); ", None),
+        ("f(1).g(", None),
+        ("(1 + ", None),
+        ("f({ 1; ", None),
+        ('"f("', None),
+    ],
+)
+def test_the_function_whose_arguments_are_typed(text: str, meant: object) -> None:
+    assert open_call(text) == meant
+
+
+def offered(wanted: Subject, names: Sequence[KnownName], first: bool = False) -> list[str]:
+    """The names that the console offers, in their order."""
+    return [each.name for each in candidates(wanted, names, first=first)]
 
 
 def test_candidates_are_names_that_can_be_typed() -> None:
-    names = ["val", "+", "_hidden", "value", "Velocity", "load"]
-    assert candidates(Subject(("motor",), "v"), names, first=False) == ["val", "value"]
-    assert candidates(Subject(("motor",), "_"), names, first=False) == ["_hidden"]
-    assert candidates(Subject(("motor",), ""), ["val", "load", "", "asString"], first=False) == [
-        "load", "val", "asString",
-    ]
-    assert candidates(Subject((), "wh"), names, first=False) == ["whenever", "while"]
-    assert "help" in candidates(Subject((), "he"), [], first=True)
-    assert "help" not in candidates(Subject((), "he"), [], first=False)
+    names = [KnownName(name, "0", "") for name in ("val", "+", "_hidden", "value", "Velocity", "load")]
+    assert offered(Subject(("motor",), "v"), names) == ["val", "value"]
+    assert offered(Subject(("motor",), "_"), names) == ["_hidden"]
+    assert offered(Subject((), "wh"), names) == ["whenever", "while"]
+    assert "help" in offered(Subject((), "he"), [], first=True)
+    assert "help" not in offered(Subject((), "he"), [])
+
+
+def test_candidates_that_users_look_for_come_first_and_numbers_count() -> None:
+    names = [KnownName("asString", "2", ""), KnownName("m10", "0", ""), KnownName("m2", "0", "a motor"),
+             KnownName("AX12", "1", "")]  # fmt: skip
+    assert candidates(Subject(("o",), ""), names, first=False) == [names[2], names[1], names[3], names[0]]
 
 
 def test_an_empty_line_stands_for_a_missing_separator() -> None:
@@ -230,20 +259,51 @@ var mine = 3;
 
 
 def test_names_are_those_of_the_users_lobby(monkeypatch: pytest.MonkeyPatch) -> None:
-    names = asked(monkeypatch, ROBOT, lambda assistant, uid: assistant.names(uid, ()))
-    assert {"mine", "robot", "echo", "connectionTag"} <= set(names)
+    names = asked(monkeypatch, ROBOT, lambda assistant, uid: assistant.names(uid, (), ""))
+    ranks = {each.name: each.rank for each in names}
+    assert {"mine", "robot", "echo", "connectionTag"} <= set(ranks)
+    assert (ranks["robot"], ranks["echo"], ranks["Float"], ranks["connectionTag"]) == ("0", "3", "3", "3")
+    few = asked(monkeypatch, ROBOT, lambda assistant, uid: assistant.names(uid, (), "slee"))
+    assert few == [KnownName("sleep", "3", "Sleep for a duration in seconds; without an argument, for ever.")]
+
+
+def test_arguments_of_functions(monkeypatch: pytest.MonkeyPatch) -> None:
+    def call(path: tuple[Any, ...], name: str) -> tuple[str, str]:
+        return asked(monkeypatch, ROBOT + "function Global.go(x, var y = 2, var z[]) {};",
+                     lambda assistant, uid: assistant.call(uid, path, name))  # fmt: skip
+
+    assert call((), "go") == ("(x, [y], z...)", "")
+    assert call((), "sleep")[0] == "(duration = inf)"
+    assert call((), "sleep")[1].startswith("Sleep for a duration in seconds")
+    assert call((), "mine") == ("", "")
+
+
+def test_help_fits_the_terminal_and_keeps_words_whole() -> None:
+    rows = ("load\t0\t\t0 to 1\t1 switches the torque on, 0 off",
+            "val\t0.1\trad\t-1 to 1\tmeasured angle; goal when written",
+            "list\t[1, 2, 3, 4, 5, 6, 7, 8, 9]\t\t\tsome numbers", "stop\t\t\t\t")  # fmt: skip
+    text = "A servo with a description that is longer than a narrow line.\nUnit: rad."
+    what = Description("AX12", text, "A, B", "", rows)
+    words = {word for row in rows for word in row.split("\t")[-1].split()}
+    for columns in (40, 60, 110):
+        text = "".join(part[1] for part in described("motor6", what, columns))  # type: ignore[union-attr]
+        assert max(map(len, text.splitlines())) < columns
+        assert words <= {word for line in text.splitlines() for word in line.split()}
+        assert "\n  Unit: rad.\n" in text
+        assert max(map(len, keys_text(columns).splitlines())) < columns
+    assert "  list  [1, 2, 3, 4, 5, 6, 7, 8, 9]\n                              some numbers\n" in text
 
 
 @pytest.mark.parametrize("path", [("robot", "arm"), ("robot", "legs", (0.0,)), ("Motor",)])
 def test_names_along_a_path(monkeypatch: pytest.MonkeyPatch, path: tuple[Any, ...]) -> None:
-    names = asked(monkeypatch, ROBOT, lambda assistant, uid: assistant.names(uid, path))
-    assert {"val", "stop", "load"} <= set(names)
+    names = asked(monkeypatch, ROBOT, lambda assistant, uid: assistant.names(uid, path, ""))
+    assert {"val", "stop", "load"} <= {each.name for each in names}
 
 
 @pytest.mark.parametrize("path", [("robot", "arm", "stop"), ("nobody",), ("robot", "legs", (7.0,))])
 def test_nothing_is_called_on_the_way(monkeypatch: pytest.MonkeyPatch, path: tuple[Any, ...]) -> None:
     with pytest.raises(NoAnswer) as caught:
-        asked(monkeypatch, ROBOT, lambda assistant, uid: assistant.names(uid, path))
+        asked(monkeypatch, ROBOT, lambda assistant, uid: assistant.names(uid, path, ""))
     assert "STOPPED" not in str(caught.value)
 
 
@@ -261,7 +321,7 @@ def test_descriptions(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (arm.type, arm.protos) == ("Motor", "Motor")
     assert "val" in arm.slots
     assert describe((), "mine").text
-    shown = "".join(part[1] for part in described("robot.arm", arm))  # type: ignore[union-attr]
+    shown = "".join(part[1] for part in described("robot.arm", arm, 100))  # type: ignore[union-attr]
     assert shown.startswith("robot.arm: Motor\n")
 
 
@@ -291,7 +351,7 @@ def test_a_server_that_says_nothing_leaves_no_answer(monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr("urbihw.client.aio_connection.dial", connect)
     with pytest.raises(NoAnswer, match="refused"):
-        asyncio.run(Assistant(HERE, NOBODY).names("0x1", ()))
+        asyncio.run(Assistant(HERE, NOBODY).names("0x1", (), ""))
 
 
 # ---------------------------------------------------------------- how it looks

@@ -21,11 +21,18 @@ ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = sorted((ROOT / "docs" / "examples" / "client").glob("*.py"))
 SETUP = """
 class Global.Motor { var val = 0; var load = 0.1; };
+Motor.addProto(Interface.RotationalMotor);
 var Global.motor6 = Motor.new;
 motor6.val = 0; motor6.val->unit = "rad"; motor6.val->rangemax = 2.618;
 var Global.motors = Group.new(motor6); for (17) motors.add(Motor.new);
 var Global.sensor100 = Object.new;
 var sensor100.IRCenter = 17;
+class Global.Joint { var val = 0; var applied = 0.2; var limitedBy = ""; };
+Joint.addProto(Interface.RotationalMotor);
+var Global.motor7 = Joint.new;
+var motor6.applied = 0.2; var motor6.limitedBy = "";
+var Global.robot = Component.new("robot");
+robot.addDevice("motor6", motor6); robot.addDevice("motor7", motor7);
 var Global.camera = Object.new;
 var camera.val = Binary.new("rgb 2 1", "abcdef");
 """

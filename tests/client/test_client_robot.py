@@ -10,8 +10,9 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from lan_server import Lan
@@ -23,6 +24,7 @@ from urbihw.client.errors import AccessDenied, CannotConnect, ConnectionLost, Sl
 from urbihw.client.media import Picture
 from urbihw.client.objects import UrbiFunction, UrbiObject
 from urbihw.client.robot import Robot
+from urbihw.client.values import Written
 
 pytestmark = pytest.mark.e2e
 
@@ -588,3 +590,131 @@ def test_a_connection_of_asyncio_keeps_its_lease_too(lan: Lan) -> None:
                     await asyncio.sleep(0.01)
 
     asyncio.run(asyncio.wait_for(play(), 60))
+
+
+ARM = """
+class Global.Joint { var val = 0; var applied = 0; var limitedBy = ""; };
+var Global.j1 = Joint.new; var Global.j2 = Joint.new; j2.limitedBy = "a limit"; j2.applied = 0.7;
+"""
+
+
+def leaser(lan: Lan) -> Any:
+    """The lobby of the server for the program that has said so in ``leaser``."""
+    return lan.kernel.world.global_.slots["leaser"]
+
+
+def heard_of(lan: Lan) -> Callable[[], int]:
+    """The number of bytes that the server has received from this program."""
+    return lambda: int(leaser(lan).received)
+
+
+def wait_until(done: Callable[[], bool]) -> None:
+    until = time.monotonic() + 60
+    while not done():
+        assert time.monotonic() < until
+        time.sleep(0.01)
+
+
+def test_a_block_has_a_lease_that_the_library_keeps(robot: Robot, lan: Lan) -> None:
+    before = threading.active_count()
+    with robot.lease(seconds=0.4):
+        assert robot["lease"] == 0.4
+        with robot.lease(5):
+            assert robot["lease"] == 5
+        assert robot["lease"] == 0.4
+        robot.run("var Global.leaser = lobby|")
+        received = heard_of(lan)
+        heard = received()
+        wait_until(lambda: received() >= heard + 2)
+        released = leaser(lan).released_at
+    assert robot["lease"] == 0
+    assert leaser(lan).released_at > released, "what the block has moved goes on"
+    wait_until(lambda: threading.active_count() == before)
+    with pytest.raises(UrbiError, match="a lease lasts for"), robot.lease(seconds=0.01):
+        pass
+    assert robot["lease"] == 0
+
+
+def test_a_lease_that_the_program_feeds_gets_no_sign_of_life_from_the_library(lan: Lan) -> None:
+    with urbihw.connect("127.0.0.1", lan.plain_port, timeout=20, lease=0.4) as robot:
+        with robot.lease(3, fed=False) as lease:
+            robot.run("var Global.leaser = lobby|")
+            received = heard_of(lan)
+            heard = received()
+            time.sleep(1.0)
+            assert received() == heard
+            lease.feed()
+            wait_until(lambda: received() == heard + 1)
+        assert robot["lease"] == 0.4
+
+
+def test_a_lease_of_asyncio_too(lan: Lan) -> None:
+    async def use() -> None:
+        async with await aio.connect("127.0.0.1", lan.plain_port, timeout=20) as robot:
+            with pytest.raises(ZeroDivisionError):
+                async with robot.lease(seconds=0.4):
+                    assert await robot["lease"] == 0.4
+                    await robot.run("var Global.leaser = lobby|")
+                    released = leaser(lan).released_at
+                    raise ZeroDivisionError
+            assert await robot["lease"] == 0
+            assert leaser(lan).released_at > released
+            with pytest.raises(UrbiError, match="a lease lasts for"):
+                async with robot.lease(seconds=9999):
+                    pass
+
+    asyncio.run(use())
+
+
+def test_several_slots_are_written_at_once_and_tell_what_is_applied(robot: Robot) -> None:
+    robot.run(ARM)
+    assert robot.write({"j1.val": 0.5, "j2.val": 2}) == {
+        "j1.val": Written(0, ""), "j2.val": Written(0.7, "a limit"),
+    }  # fmt: skip
+    assert (robot.j1.val, robot.j2.val) == (0.5, 2)
+    assert robot.write({"motor6.val": 3}) == {"motor6.val": Written(None, "")}
+    with pytest.raises(SlotMissing, match="nobody"):
+        robot.write({"j1.val": 9, "nobody.val": 1})
+    assert robot.j1.val == 0.5
+    for wrong in ({}, {"j1.val; shutdown": 1}, {"nil": 1}):
+        with pytest.raises(ValueError):
+            robot.write(wrong)
+
+
+def test_asyncio_writes_several_slots_too(lan: Lan) -> None:
+    async def use() -> None:
+        async with await aio.connect("127.0.0.1", lan.plain_port, timeout=20) as robot:
+            await robot.run(ARM)
+            told = await robot.write({"j1.val": 0.5, "j2.val": 2})
+            assert told == {"j1.val": Written(0, ""), "j2.val": Written(0.7, "a limit")}
+
+    asyncio.run(use())
+
+
+def test_other_servers_take_several_slots_too(robot: Robot) -> None:
+    robot._connection.core.session.dialect = PlainDialect()
+    assert robot.write({"motor6.val": 4, "motor6.age": 2}) == dict.fromkeys(
+        ("motor6.val", "motor6.age"), Written(None, "")
+    )
+    assert (robot.motor6.val, robot.motor6.age) == (4, 2)
+
+
+def test_joints_and_the_overview_are_those_of_the_robot(robot: Robot) -> None:
+    robot.run("""
+        var Global.robot = Component.new("robot"); robot.addComponent("arm");
+        class Global.Elbow { var val = 0.25; }; Elbow.addProto(Interface.RotationalMotor);
+        class Global.Eye { var val = 3; }; Eye.addProto(Interface.DistanceSensor);
+        robot.arm.addDevice("elbow", Elbow.new); robot.arm.addDevice("eye", Eye.new); robot.makeCompactNames;
+    """)
+    assert robot.joints == ["elbow"]
+    assert robot[f"{robot.joints[0]}.val"] == 0.25
+    told = robot.overview()
+    assert told["effectors"] == [{"slot": "elbow.val", "role": "joint", "unit": "rad"}]
+    assert told["sensors"] == [{"slot": "eye.val", "role": "distance", "unit": "m"}]
+
+
+def test_a_slot_of_a_group_is_a_list(robot: Robot) -> None:
+    robot.run(ARM + "var Global.both = Group.new; both.add(j2); both.add(j1); j2.val = 3;")
+    assert robot.both.val == [3, 0]
+    with pytest.raises(SlotMissing, match="vel"):
+        _ = robot.both.vel

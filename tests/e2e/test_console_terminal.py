@@ -87,7 +87,11 @@ def test_help_from_docstrings(console: Callable[..., Terminal]) -> None:
     talk.wait(r"sleep: Primitive\n +Sleep for a duration in seconds")
     talk.type("help nobody\r")
     talk.wait("no help for nobody: lookup failed: nobody")
-    talk.type("help\r")
+    talk.type("String.split?\r")
+    talk.wait(r"String\.split: Primitive\n")
+    talk.type("sleep(")
+    talk.wait(r"sleep\(duration = inf\): Sleep for a duration")
+    talk.type("\x03help\r")
     talk.wait("Tab +complete the name of a slot")
     # Nothing of this was the user's own doing.
     talk.type("foo;\r")

@@ -315,6 +315,27 @@ def test_what_a_browser_has_moved_stops_when_it_does_not_drive_any_more(tmp_path
     play(tmp_path, P3DX, ("full", "drive"), test)
 
 
+def test_what_a_browser_moves_under_a_lease_stops_when_it_says_nothing(tmp_path: Path) -> None:
+    async def test(made: Scene) -> None:
+        full, drive = made.tabs
+        await full.run(f"{P3DX.prepare} waituntil({P3DX.until});")
+        assert (await drive.ask("lease", take=True, seconds=1.0))["ok"]
+        end = time.monotonic() + 10.0
+        while made.watcher.speed() < P3DX.moving:
+            assert time.monotonic() < end, "the base did not drive"
+            assert (await drive.ask("set", slot="robot.body.x.speed", value=0.3))["ok"]
+            await asyncio.sleep(0.2)
+        # Its connection stays, as that of one that is held; what others say does not count.
+        end = time.monotonic() + 10.0
+        while made.watcher.speed() > P3DX.rest:
+            assert time.monotonic() < end, "the base drives on"
+            await full.ask("get", slot="robot.body.x.speed")
+            await asyncio.sleep(0.05)
+        assert not drive.socket.closed
+
+    play(tmp_path, P3DX, ("full", "drive"), test)
+
+
 def test_orders_that_waited_for_a_gateway_that_hung_are_not_carried_out(tmp_path: Path) -> None:
     async def test(made: Scene) -> None:
         full, drive = made.tabs

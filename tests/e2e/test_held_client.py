@@ -1,4 +1,4 @@
-"""A client that is held by SIGSTOP, and the body that it moves."""
+"""A client with a lease that is held by SIGSTOP or leaves its block, and the body that it moves."""
 
 from __future__ import annotations
 
@@ -16,10 +16,16 @@ from moving_robots import RIGS
 pytestmark = pytest.mark.e2e
 
 PROGRAM = """
-import sys, urbihw
-robot = urbihw.connect("127.0.0.1", int(sys.argv[1]), timeout=60, lease=1.0)
-while True:
-    robot.run("motor7.cwLimit = 0|; motor7.ccwLimit = 0|; motor7.speed = 2")
+import select, sys, urbihw
+robot = urbihw.connect("127.0.0.1", int(sys.argv[1]), timeout=60)
+try:
+    with robot.lease(seconds=0.5):
+        # Again and again: a machine that is busy for half a second ends the lease, too.
+        while not select.select([sys.stdin], [], [], 0.2)[0]:
+            robot.run("motor7.cwLimit = 0|; motor7.ccwLimit = 0|; motor7.speed = 2")
+        raise ValueError
+except ValueError:
+    sys.stdin.readline()
     sys.stdin.readline()
 """
 
@@ -40,8 +46,10 @@ def test_what_a_held_client_moves_stands_and_moves_again_when_it_goes_on(tmp_pat
             os.kill(client.pid, signal.SIGSTOP)
             wait_for(lambda: watcher.speed() == 0, "the wheel to stand")
             os.kill(client.pid, signal.SIGCONT)
-            assert client.stdin is not None
-            client.stdin.write(b"go on\n")
-            client.stdin.flush()
         wait_for(lambda: watcher.speed() > 1.5, "the wheel to turn again")
-        assert "has sent nothing for 1 s (lobby.lease)" in daemon.log()
+        assert "has sent nothing for 0.5 s (lobby.lease)" in daemon.log()
+        assert client.stdin is not None
+        client.stdin.write(b"leave\n")
+        client.stdin.flush()
+        wait_for(lambda: watcher.speed() == 0, "the wheel to stand when the block has been left")
+        assert client.poll() is None

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import pytest
+from chain_lab import Lab as ChainLab
 from lab import RobotLab
 
 from urbihw.platforms import folders
@@ -100,6 +101,49 @@ def test_what_moves_the_robot_is_an_effector_and_can_be_written(told: Told) -> N
             assert "val" in node["effectors"], node["path"]
         if "Mobile" in node["interfaces"]:
             assert {"xSpeed", "yawSpeed"} <= set(node["effectors"])
+
+
+JOINTS = {
+    "bioloid": [f"motor{number}" for number in range(1, 19)],
+    "nao": [
+        "HeadYaw", "HeadPitch", "LShoulderPitch", "LShoulderRoll", "LElbowYaw", "LElbowRoll", "LWristYaw",
+        "LHipYawPitch", "LHipRoll", "LHipPitch", "LKneePitch", "LAnklePitch", "LAnkleRoll", "RHipYawPitch", "RHipRoll",
+        "RHipPitch", "RKneePitch", "RAnklePitch", "RAnkleRoll", "RShoulderPitch", "RShoulderRoll", "RElbowYaw",
+        "RElbowRoll", "RWristYaw",
+    ],
+    "so101": ["shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper"],
+    "nxt": [],
+    "p3dx": [],
+    "webots": [],
+    "spykee": [],
+}
+"""The joints of some platforms in their order; an SO-101's is that of LeRobot, a Nao's that of ``getBodyNames``."""
+
+
+def test_joints_are_told_in_one_order(told: Told) -> None:
+    names = json.loads(told.lab.look("System.joints(robot)"))
+    assert names == JOINTS.get(told.name, names)
+    parts = {part["path"]: part for part in nodes(told.tree["robot"])}
+    assert [parts[path]["global"] or path for path in told.tree["joints"]] == names
+    turning = {path for path, part in parts.items() if "RotationalMotor" in part["interfaces"]}
+    assert {path for path in turning if ".wheel" not in path} <= {*told.tree["joints"]}
+
+
+def test_joints_are_in_the_order_of_the_settings() -> None:
+    lab = ChainLab.ready(devices={"knee": {"id": 4}, "hip": {"id": 2}})
+    assert lab.look("System.joints(robot)") == '["knee", "hip", "motor1", "motor3", "motor5"]'
+
+
+def test_an_overview_has_what_moves_and_what_measures_in_few_words(told: Told) -> None:
+    text = told.lab.say("lobby.send(System.overviewText(robot))|;")
+    overview = json.loads(text)
+    assert len(text) < (10_000 if told.name == "nao" else 2500)
+    slots_ = [row["slot"] for row in overview["effectors"] + overview["sensors"]]
+    assert len(set(slots_)) == len(slots_)
+    joints = [row["slot"] for row in overview["effectors"] if row["role"] == "joint"]
+    assert joints == [f"{name}.val" for name in json.loads(told.lab.look("System.joints(robot)"))]
+    for slot in slots_:
+        assert "error" not in told.lab.look(f'lobby.answerSlot("c", "{slot}")'), slot
 
 
 def test_the_key_changes_with_the_parts_only(told: Told) -> None:

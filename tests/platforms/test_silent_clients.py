@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from segway_lab import Lab
+from so101_lab import Lab as Arm
 
 from urbihw.kernel.lobby.lobby import Lobby
 
@@ -80,3 +81,21 @@ def test_a_lease_is_ended_by_zero_and_belongs_to_its_own_connection(drive: Drive
     assert b"a lease lasts for 0.1 to 3600 s, or 0 s for none" in drive.say(b"lobby.lease = 10ms;")
     drive.say(b"lobby.lease = 0;")
     assert drive.speed_after(10.0) == 1.0
+
+
+@pytest.mark.parametrize(
+    "order", [b"shoulder_pan.val = 1 time:4s,", b'lobby.answerWrites("c", ["shoulder_pan.val"], [1]),']
+)
+def test_an_arm_holds_where_it_is_when_a_lease_of_half_a_second_is_over(order: bytes) -> None:
+    lab = Arm.ready()
+    lab.say("motors.load = 1; shoulder_pan.speed = 0.25;", 0.1)
+    client = lab.kernel.open_lobby()
+    lab.kernel.feed(client, b"lobby.lease = 0.5;" + order)
+    lab.run(0.5)
+    going = lab.bend("shoulder_pan")
+    assert 0.05 < going < 0.2
+    lab.run(0.15)
+    held = lab.bend("shoulder_pan")
+    lab.run(3.0)
+    assert lab.bend("shoulder_pan") == pytest.approx(held, abs=0.01)
+    assert held < going + 0.1

@@ -22,7 +22,13 @@ from urbihw_fakes.dynamixel.ax12 import Ax12
 from urbihw_fakes.feetech.servo import FeetechServo
 from urbihw_fakes.so101 import JOINTS, So101
 
-TELEOPERATION = f'load("{Path(__file__).parents[2] / "docs/examples/so101_teleoperation.u"}");'
+TELEOPERATION = 'load("teleop.u");'
+
+
+@pytest.fixture(autouse=True)
+def _search_path(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The folder of the platform is on the search path, as the daemon has it."""
+    monkeypatch.setenv("URBI_PATH", str(Path(platforms.__file__).with_name("so101")))
 
 
 def _calibration(path: Path, kit: So101) -> str:

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from urbihw.kernel import Kernel
-from urbihw.kernel.runtime.code import Code, LazyPrimitive, Primitive
+from urbihw.kernel.runtime.code import Primitive
 from urbihw.kernel.stdlib.documentation import Docstrings
+from urbihw.kernel.stdlib.signatures import arguments
 from urbihw.kernel.syntax.tokens import is_identifier
 from urbihw.robot import ROBOT_LIBRARY
 
@@ -108,49 +109,6 @@ def first(text: str) -> str:
 def one_line(text: str) -> str:
     """A docstring as a paragraph, which begins with a capital letter."""
     return " ".join((text[:1].upper() + text[1:]).split("\n"))
-
-
-def arguments(function: Any) -> str:
-    """The formal arguments of a function, in parentheses; nothing if there are none."""
-    if isinstance(function, LazyPrimitive):
-        names = ["expression..."] if function.most < 0 else ["expression"] * function.most
-    elif isinstance(function, Primitive):
-        names = [formal(parameter) for parameter in parameters(function)]
-    elif isinstance(function, Code):
-        names = ["argument..."] if function.info.lazy else ["argument"] * function.info.formals
-    else:
-        names = []
-    return f"({', '.join(names)})" if names else ""
-
-
-def parameters(function: Primitive) -> list[inspect.Parameter]:
-    """Those of the Python function behind a built-in that stand for arguments."""
-    whole = list(inspect.signature(function.source).parameters.values())
-    if [parameter.name for parameter in whole] == ["world"]:  # a factory of the function that is called
-        whole = list(inspect.signature(function.fn).parameters.values())
-    return whole[2:] if whole[0].name == "world" else whole[1:]
-
-
-def formal(parameter: inspect.Parameter) -> str:
-    """``keepEmpty = false``, ``members...``, ``[end]`` where there is no default to name."""
-    head, *rest = parameter.name.strip("_").split("_")
-    name = head + "".join(word.capitalize() for word in rest)
-    if parameter.kind is inspect.Parameter.VAR_POSITIONAL:
-        return f"{name}..."
-    if parameter.default is inspect.Parameter.empty:
-        return name
-    if parameter.default is None:
-        return f"[{name}]"
-    return f"{name} = {shown_default(parameter.default)}"
-
-
-def shown_default(value: Any) -> str:
-    """A default value as urbiscript has it."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return f'"{value}"'
-    return f"{value:g}"
 
 
 def examples(page: Path) -> str:

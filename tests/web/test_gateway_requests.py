@@ -289,6 +289,33 @@ def test_a_lease_is_taken_or_left_expressly(tmp_path: Path) -> None:
     play(tmp_path, test)
 
 
+def test_a_lease_with_a_time_is_the_daemons_and_only_messages_of_the_browser_keep_it(tmp_path: Path) -> None:
+    async def test(made: Site) -> None:
+        browser = await made.browser("full")
+        assert (await browser.ask("lease", take=True, seconds=0.5))["ok"]
+        assert "lobby.lease = 0.5" in made.daemon.said
+
+        def signs() -> int:
+            return made.daemon.said.splitlines().count("")
+
+        before = signs()
+        await asyncio.sleep(0.7)
+        assert signs() == before, "the gateway lives on by itself"
+        await browser.ask("get", slot="motor6.val")
+        assert signs() == before + 1
+        await browser.ask("run", text="1;")
+        assert made.daemon.said.count("lobby.lease = 0.5") == 2, "the console moves the robot, too"
+        assert (await browser.ask("lease", take=False))["ok"]
+        assert made.daemon.said.count("lobby.lease = 0.0") == 2
+        before = signs()
+        await browser.ask("get", slot="motor6.val")
+        assert signs() == before
+        for wrong in (-1, 4000, "x"):
+            assert await refused(browser.ask("lease", take=True, seconds=wrong)) == "bad"
+
+    play(tmp_path, test)
+
+
 def test_values_are_quoted(tmp_path: Path) -> None:
     async def test(made: Site) -> None:
         browser = await made.browser("full")

@@ -32,6 +32,7 @@ from urbihw.daemon.config import load
 from urbihw.exitcodes import EX_CONFIG, EX_OK
 from urbihw.kernel.uobject import BadConfig
 from urbihw.settings import one_line
+from urbihw.started import as_typed
 
 LOOK_PERIOD_S: Final = 0.05
 """Seconds between two looks at the joints."""
@@ -112,7 +113,7 @@ def calibrate(job: VerbJob, names: Mapping[str, int], display: RangeDisplay, typ
     servos = named({device.id: device for device in found}, names or names_of_arm(found))
     before = f"{out}.registers.toml"
     registers_file.save(before, read_backups(job, found), title(job.line))
-    dialogue.say(f"All registers are in {before}; urbihw servo restore brings them back.")
+    dialogue.say(f"All registers are in {before}; {as_typed('urbihw servo restore')} brings them back.")
     dialogue.wait(f"Hold the robot: the torque of {len(servos)} joints goes off")
     work = HandCalibration(link, servos)
     work.release()
@@ -129,6 +130,10 @@ def calibrate(job: VerbJob, names: Mapping[str, int], display: RangeDisplay, typ
         raise ServoError("no joint was moved: nothing is written")
     kept = calibration.save(out, result)
     dialogue.say(f"{len(result)} joints in {out}" + (f"; the former file is {kept}" if kept else ""))
+    left_out = [joint.name for joint in work.joints if joint.name not in result]
+    if left_out:
+        dialogue.say(f"NOT calibrated, because not moved: {', '.join(left_out)}; the file has nothing of them, and "
+                     "their servos keep the limits that they had")
     if not job.options.no_limits:
         _write_all(job, [(servos[name], joint) for name, joint in result.items()])
 

@@ -17,6 +17,7 @@ from urbihw.control_address import local_user
 from urbihw.control_line import ANSWER_TIMEOUT_S, ControlLine, dial_control, question
 from urbihw.daemon.runtime import SERVICE_FOLDER, control_socket_names, service_socket_names
 from urbihw.exitcodes import EX_CONFIG, EX_UNAVAILABLE
+from urbihw.started import as_typed
 
 TYPE_CHECKING = False  # as ``typing`` has it, whose import a stop cannot wait for
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
         all: bool
 
 
-OUTCOMES: Final = {"stop": "stopped", "estop": "emergency stop, held until: urbihw release", "release": "released"}
+OUTCOMES: Final = {"stop": "stopped", "estop": "emergency stop, held until: {release}", "release": "released"}
 """The text for a robot that has obeyed, by command."""
 _READ_S: Final = 0.001
 """Seconds to read an answer that has come."""
@@ -130,15 +131,15 @@ def _still_held(answer: Answer) -> Answer:
     if answer.problem or not holders:
         return answer
     own = "your emergency stop is released, but that" if answer.state.get("released") else "an emergency stop"
-    hint = "who has pressed it releases it, or: urbihw release --all"
+    hint = f"who has pressed it releases it, or: {as_typed('urbihw release --all')}"
     return Answer(answer.name, answer.state, f"{own} of {holders} holds: {hint}")
 
 
 def outcome(verb: str, state: Mapping[str, Any]) -> str:
     """The text for a robot, from its answer."""
-    words = OUTCOMES[verb]
+    words = OUTCOMES[verb].format(release=as_typed("urbihw release"))
     if verb == "stop" and state.get("estop"):
-        words += f"; an emergency stop holds ({state['estop']}) until: urbihw release"
+        words += f"; an emergency stop holds ({state['estop']}) until: {as_typed('urbihw release')}"
     if verb == "estop" and state.get("unkept"):
         words += f"; {state['unkept']}"
     if verb != "release" and state.get("link") is False:
@@ -151,11 +152,12 @@ def no_daemon_problem(verb: str) -> str:
     if os.path.isdir(SERVICE_FOLDER) and not os.access(SERVICE_FOLDER, os.R_OK | os.X_OK):
         return f"{SERVICE_FOLDER} may not be read: {_RIGHTS}"
     if verb == "health":
-        return "no daemon answers: start it (urbihw serve)"
+        return f"no daemon answers: start it ({as_typed('urbihw serve')})"
     if verb == "release":
-        return "no daemon answers: start it (urbihw serve), then release it"
+        return f"no daemon answers: start it ({as_typed('urbihw serve')}), then release it"
     return (
-        "no daemon answers; if the robot moves, cut its power, or: urbihw stop --direct --config FILE "
+        "no daemon answers; if the robot moves, cut its power, or: "
+        f"{as_typed('urbihw stop --direct --config FILE')} "
         "(with control in its settings: --socket PATH)"
     )
 
@@ -205,7 +207,7 @@ def _latch_replacement(path: Path, answer: Answer, who: str) -> Answer:
     """Set the latch of an emergency stop in its file: the worker that replaces a hanging one reads it first."""
     if not answer.problem or answer.gone or not write_latch(path, who, own_user()):
         return answer
-    hint = "whatever serves it next will hold it until: urbihw release"
+    hint = f"whatever serves it next will hold it until: {as_typed('urbihw release')}"
     return Answer(answer.name, answer.state, f"{answer.problem}; {hint}")
 
 

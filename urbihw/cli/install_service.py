@@ -35,6 +35,7 @@ from urbihw.daemon.units import (
 from urbihw.exitcodes import EX_CONFIG, EX_UNAVAILABLE
 from urbihw.kernel.uobject import BadConfig
 from urbihw.platforms import Manifest
+from urbihw.started import as_typed
 
 RUNNING: Final = Path("/run/systemd/system")
 """Exists where systemd manages the services."""
@@ -82,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
         print(f"urbihw install-service: {error}", file=sys.stderr)
         return error.code if isinstance(error, CliRefused) else EX_CONFIG
     except OSError as error:
-        who = "; as root: sudo urbihw install-service ..." if isinstance(error, PermissionError) else ""
+        who = f"; as root: sudo {as_typed('urbihw install-service')} ..." if isinstance(error, PermissionError) else ""
         print(f"urbihw install-service: {error.filename}: {error.strerror}{who}", file=sys.stderr)
         return EX_CONFIG
     return 0
@@ -126,7 +127,8 @@ def _robot(options: argparse.Namespace) -> tuple[Manifest, Config, str]:
     if file is not None:
         return _robot_of_file(options, file, installed=file == path)
     if options.platform is None:
-        raise CliRefused("which robot? Give --platform NAME (urbihw platforms lists them), or --config FILE", EX_CONFIG)
+        listing = as_typed("urbihw platforms")
+        raise CliRefused(f"which robot? Give --platform NAME ({listing} lists them), or --config FILE", EX_CONFIG)
     manifest = platforms.find(options.platform)
     url = "" if options.fake else options.url or _default_url(manifest)
     if not url and not options.fake:

@@ -28,6 +28,7 @@ from urbihw.cli.reach import add_server, credentials, only_port, server
 from urbihw.cli.tracing import WorkerTraffic, open_traffic, traffic_of
 from urbihw.client.where import Where, is_loopback
 from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_UNAVAILABLE
+from urbihw.started import as_typed
 
 WHATS: Final = ("telnet", "remote", "bus")
 ANSWER_TIMEOUT_S: Final = 5.0
@@ -139,7 +140,7 @@ def _bus_of(options: argparse.Namespace) -> WorkerTraffic:
     traffic = traffic_of("", where.port if chosen else None)
     if traffic is None:
         which = f" on port {where.port}" if chosen else ""
-        raise CliRefused(f"no daemon of this machine serves a robot{which}; start one (urbihw serve)")
+        raise CliRefused(f"no daemon of this machine serves a robot{which}; start one ({as_typed('urbihw serve')})")
     return traffic
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Final, Literal
 
 from urbihw.buses.processor import PRIORITY, may_claim
+from urbihw.started import as_typed
 
 Verdict = Literal["ok", "note", "bad"]
 Run = Callable[[Sequence[str]], str]
@@ -74,7 +75,7 @@ def udev_rules(root: Path) -> Iterator[ReportLine]:
             yield ReportLine("ok", f"udev rules: /{file.relative_to(root)}")
             return
     yield ReportLine("note", "the udev rules are not installed (names and rights of adapters, 1 ms latency): "
-                          "sudo urbihw install-service NAME --platform PLATFORM")
+                          f"sudo {as_typed('urbihw install-service')} NAME --platform PLATFORM")
 
 
 def governor(root: Path) -> Iterator[ReportLine]:

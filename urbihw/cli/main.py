@@ -16,6 +16,7 @@ from urbihw.cli.entry import guarded
 from urbihw.cli.options import VersionAction
 from urbihw.cli.program import program
 from urbihw.exitcodes import EX_CONFIG
+from urbihw.started import as_typed
 
 COMMANDS: Final = {
     "serve": "serve a robot on a TCP port",
@@ -55,7 +56,7 @@ class CommandParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Print the error and exit with 78."""
-        self.exit(EX_CONFIG, f"{self.prog}: {message} (see {self.prog} --help)\n")
+        self.exit(EX_CONFIG, f"{self.prog}: {message} (see {as_typed(self.prog)} --help)\n")
 
 
 def parser(*wanted: str) -> CommandParser:

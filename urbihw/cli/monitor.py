@@ -23,6 +23,7 @@ from urbihw.cli.options import whole
 from urbihw.cli.reports import Report
 from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_UNAVAILABLE
 from urbihw.extras import install_command
+from urbihw.started import as_typed
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -99,7 +100,8 @@ def _show_table(options: argparse.Namespace) -> int:
     try:
         from rich.live import Live
     except ImportError:
-        return control.complain(f"the table needs a package: {install_command('monitor')}; or: urbihw monitor | cat",
+        plain = as_typed("urbihw monitor") + " | cat"
+        return control.complain(f"the table needs a package: {install_command('monitor')}; or: {plain}",
                                 EX_CONFIG)
     left = options.count
     with _keys(), Live(screen=True, auto_refresh=False) as live:
@@ -145,7 +147,7 @@ def picture(found: Sequence[Report], width: int) -> RenderableType:
         parts.append(Text(reports.robot_line(report), _STYLES[report.level]))
         parts += [Text(f"  {reports.clean(str(each))}", _STYLES[each.level]) for each in report.findings[:MAX_FINDINGS]]
         if len(report.findings) > MAX_FINDINGS:
-            parts.append(Text(f"  and {len(report.findings) - MAX_FINDINGS} more: urbihw health"))
+            parts.append(Text(f"  and {len(report.findings) - MAX_FINDINGS} more: {as_typed('urbihw health')}"))
         if report.told:
             parts.append(_table(rows_in(report.told, "devices"), width))
     parts.append(Text("q ends", "dim"))

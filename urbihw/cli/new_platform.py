@@ -21,6 +21,7 @@ from urbihw.cli.options import CliRefused
 from urbihw.exitcodes import EX_CONFIG
 from urbihw.kernel import Kernel
 from urbihw.robot import ROBOT_LIBRARY
+from urbihw.started import as_typed
 
 SKELETON: Final = Path(__file__).with_name("skeleton")
 SUFFIX: Final = ".tmpl"
@@ -77,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
     for path in written:
         print(path.relative_to(root))
     print(f"\ninstall it: {sys.executable} -m pip install -e {root}" if options.package else "")
-    print(f"serve it: urbihw serve --platform {options.name} --fake")
+    print(f"serve it: {as_typed('urbihw serve')} --platform {options.name} --fake")
     if not options.package:
         print(f"test it:  python -m pytest tests/platforms -k {options.name}")
     return 0

@@ -23,6 +23,7 @@ from urbihw.daemon.runtime import control_sockets
 from urbihw.daemon.state import credential, state_folder
 from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_UNAVAILABLE
 from urbihw.extras import install_command
+from urbihw.started import as_typed
 
 if TYPE_CHECKING:
     from urbihw.web.gateway import Gateway
@@ -177,7 +178,8 @@ def _address_in(folder: Path, number: int) -> str:
     try:
         return (folder / f"panel-{number}").read_text("ascii").strip()
     except FileNotFoundError:
-        raise CliRefused(f"there is no panel on port {number}: start it (web = true in the settings, or urbihw panel), "
+        raise CliRefused(f"there is no panel on port {number}: start it (web = true in the settings, or "
+                         f"{as_typed('urbihw panel')}), "
                          "or give its --port") from None
     except OSError as error:
         raise CliRefused(f"cannot read {error.filename}: {error.strerror}; use sudo for a service") from error

@@ -16,6 +16,7 @@ from urbihw.cli.reach import add_server, credentials, server
 from urbihw.client.session import Message
 from urbihw.exitcodes import EX_OK, EX_UNAVAILABLE, INTERRUPTED
 from urbihw.settings import one_line
+from urbihw.started import as_typed
 
 LONGEST_S: Final = 1e6
 """Seconds for which a motion may last."""
@@ -41,7 +42,8 @@ def run(options: argparse.Namespace) -> int:
             require_joints(link)
             if not options.names:
                 told = [_names(link, kind) for kind in ("motions", "poses")]
-                print("; ".join(filter(None, told)) or "no motion and no pose is kept yet: urbihw teach records them")
+                nothing = f"no motion and no pose is kept yet: {as_typed('urbihw teach')} records them"
+                print("; ".join(filter(None, told)) or nothing)
                 return EX_OK
             how = link.ask(statement(options), LONGEST_S, show_warning).shown.strip('"')
             if how != "finished":

@@ -32,6 +32,7 @@ from urbihw.cli.dialogue import Dialogue
 from urbihw.cli.machine import ReportLine, Verdict
 from urbihw.cli.tracing import WorkerTraffic
 from urbihw.kernel.uobject import BadConfig
+from urbihw.started import as_typed
 
 WATCH_S: Final = 2.0
 """Seconds for which the traffic of a daemon is measured."""
@@ -118,7 +119,7 @@ def check_line(line: ServoLine) -> BusReport:
         )
     if not found.devices:
         report.findings.append(ReportLine("bad", f"{line.name}: no servo answers at {line.baud} bps: is it powered? "
-                                              "urbihw scan looks at all speeds"))
+                                              f"{as_typed('urbihw scan')} looks at all speeds"))
         return report
     report.servos = tuple(read_live(bus_for(line.link, device), device) for device in found.devices)
     chunks: list[Chunk] = []
@@ -166,10 +167,11 @@ def _conflict_findings(numbers: Sequence[int]) -> Iterator[ReportLine]:
     if len(numbers) > _MANY:
         shown = ", ".join(map(str, numbers[:_MANY]))
         yield ReportLine("bad", f"{len(numbers)} ids (first {shown}): no answer is like the one before: check speed, "
-                             "cable and ground; if they are right, several servos have one id: urbihw servo set-id")
+                             "cable and ground; if they are right, several servos have one id: "
+                             f"{as_typed('urbihw servo set-id')}")
     elif numbers:
         shown = ", ".join(map(str, numbers))
-        yield ReportLine("bad", f"id {shown}: more than one servo answers: urbihw servo set-id")
+        yield ReportLine("bad", f"id {shown}: more than one servo answers: {as_typed('urbihw servo set-id')}")
 
 
 def _read_often(line: ServoLine, servo: SurveyedServo) -> int:
@@ -264,7 +266,8 @@ def _delay_findings(report: BusReport) -> Iterator[ReportLine]:
         yield ReportLine("note", f"servo {number}: return delay {1000 * seconds:.3f} ms: 0 would gain that each cycle")
     if found:
         gain = 1000 * sum(found.values())
-        yield ReportLine("note", f"you would gain {gain:.1f} ms a cycle by return delay 0: urbihw doctor URL --mend")
+        mending = as_typed("urbihw doctor URL --mend")
+        yield ReportLine("note", f"you would gain {gain:.1f} ms a cycle by return delay 0: {mending}")
 
 
 def mend_delays(line: ServoLine, servos: Iterable[SurveyedServo], dialogue: Dialogue) -> Iterator[ReportLine]:

@@ -20,6 +20,7 @@ from urbihw.buses.servos.line import names_speed
 from urbihw.buses.servos.status import FEETECH
 from urbihw.buses.servos.survey import BAUDS, Progress, ServoSurvey, SurveyedServo, survey
 from urbihw.cli.ports_in_use import open_line
+from urbihw.started import as_typed
 
 _SERVOS: Final = "servos"
 _SHORTEST_LATENCY: Final = 0.001
@@ -98,10 +99,10 @@ def _owners(port: SerialPort) -> Iterator[tuple[str, str, Sequence[str]]]:
 def _not_for_servos(port: SerialPort) -> str:
     """Why a port is not scanned without being named; "" if it is."""
     if port.vendor is None:
-        return f"no USB adapter, not scanned; to scan it: urbihw scan {port.device}"
+        return f"no USB adapter, not scanned; to scan it: {as_typed('urbihw scan')} {port.device}"
     owners = list(_owners(port))
     if owners and not any(_SERVOS in buses for _, _, buses in owners):
-        return f"no adapter for servos, not scanned; to scan it: urbihw scan {port.device}"
+        return f"no adapter for servos, not scanned; to scan it: {as_typed('urbihw scan')} {port.device}"
     return ""
 
 
@@ -140,7 +141,8 @@ def wire_findings(report: PortReport) -> list[ServoFinding]:
         ))  # fmt: skip
     for baud, number in report.survey.conflicts if report.survey else ():
         found.append(ServoFinding(
-            f"id {number} at {baud} bps: more than one servo answers; urbihw servo set-id leads through giving one of "
+            f"id {number} at {baud} bps: more than one servo answers; "
+            f"{as_typed('urbihw servo set-id')} leads through giving one of "
             "them another id"
         ))  # fmt: skip
     servos = report.survey.servos if report.survey else ()
@@ -151,7 +153,8 @@ def wire_findings(report: PortReport) -> list[ServoFinding]:
             "nothing (a simulated robot: start it with --follow-baud)"
         ))  # fmt: skip
     elif len(speeds) > 1:
-        found.append(ServoFinding("servos of several speeds on one line: give all the same (urbihw servo set-baud)"))
+        mending = as_typed("urbihw servo set-baud")
+        found.append(ServoFinding(f"servos of several speeds on one line: give all the same ({mending})"))
     return found
 
 

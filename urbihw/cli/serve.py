@@ -21,6 +21,7 @@ from urbihw.exitcodes import EX_CONFIG
 from urbihw.kernel.server.exit_watchdog import leave
 from urbihw.kernel.uobject import BadConfig
 from urbihw.settings import escape_unprintable
+from urbihw.started import as_typed
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -50,7 +51,7 @@ def config(options: argparse.Namespace) -> Config:
     """The settings that the options ask for.  Raises BadConfig."""
     made = configure(options.config, flags(options))
     if not made.platform:
-        raise BadConfig("which robot? Give --platform NAME (urbihw platforms lists them)")
+        raise BadConfig(f"which robot? Give --platform NAME ({as_typed('urbihw platforms')} lists them)")
     return made
 
 

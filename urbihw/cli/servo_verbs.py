@@ -18,6 +18,7 @@ from urbihw.buses.servos.registers import Crowded, PingsOnly, ServoError, ServoR
 from urbihw.buses.servos.registers_file import ServoBackup, describe
 from urbihw.buses.servos.survey import survey
 from urbihw.cli.dialogue import Dialogue
+from urbihw.started import as_typed
 
 _ALL: Final = "all"
 _ANSWER_AGAIN: Final = "status_return_level=2"
@@ -184,7 +185,7 @@ def devices(job: VerbJob, number: int | None = None) -> list[ServoDevice]:
     if found.conflicts:
         raise Crowded(found.conflicts[0])
     if not found.devices:
-        raise ServoError(f"no servo answers at {job.line.baud} bps; urbihw scan looks at all speeds")
+        raise ServoError(f"no servo answers at {job.line.baud} bps; {as_typed('urbihw scan')} looks at all speeds")
     return list(found.devices)
 
 
@@ -242,7 +243,7 @@ def adopt(job: VerbJob) -> None:
     problems = changes.adopt(job.line, device, backup)
     what = "id and speed" if problems else "id, speed and registers"
     job.dialogue.say(f"servo {backup.id}: {what} are those of its predecessor; its torque is off")
-    job.dialogue.say("Check its zero by hand: the horn may sit differently (urbihw calibrate).")
+    job.dialogue.say(f"Check its zero by hand: the horn may sit differently ({as_typed('urbihw calibrate')}).")
     tell_problems(problems)
 
 

@@ -15,6 +15,7 @@ from urbihw.client.errors import ClientError
 from urbihw.client.robot import Robot
 from urbihw.client.stubs import stubs_text
 from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_UNAVAILABLE
+from urbihw.started import as_typed
 
 TIMEOUT_S: Final = 10.0
 
@@ -42,7 +43,8 @@ def _told(options: argparse.Namespace) -> str:
         connection = Connection(where, credentials(options), TIMEOUT_S, False, lambda line, at: None)
         with Robot(connection, deque()) as robot:
             if not robot.run('Global.hasLocalSlot("robot") && System.hasSlot("treeText")'):
-                raise CliRefused(f"{where} has no robot: its status tells why (urbihw status)", EX_UNAVAILABLE)
+                status = as_typed("urbihw status")
+                raise CliRefused(f"{where} has no robot: its status tells why ({status})", EX_UNAVAILABLE)
             return stubs_text(str(robot.run("System.treeText(robot)", timeout=TIMEOUT_S)))
     except (ClientError, ValueError) as error:
         raise CliRefused(str(error), EX_UNAVAILABLE) from error

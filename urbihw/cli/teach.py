@@ -27,6 +27,7 @@ from urbihw.client.values import value_of
 from urbihw.exitcodes import EX_OK, EX_RUNTIME, EX_UNAVAILABLE, INTERRUPTED
 from urbihw.platforms.teach.store import check_name
 from urbihw.settings import one_line
+from urbihw.started import as_typed
 
 PERIOD_S: Final = 0.2
 """Seconds between two looks at the joints."""
@@ -103,7 +104,7 @@ class Lesson:
             problem = self._ask("end").partition("|")[2]
         if problem:
             raise CliRefused(problem, EX_RUNTIME)
-        print(f"{self._name} is kept: urbihw play {self._name}", flush=True)
+        print(f"{self._name} is kept: {as_typed('urbihw play')} {self._name}", flush=True)
         return EX_OK
 
     @contextlib.contextmanager

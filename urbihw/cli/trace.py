@@ -30,6 +30,7 @@ from urbihw.cli.tracing import open_traffic, traffic_of
 from urbihw.cli.urls import check_url
 from urbihw.exitcodes import EX_CONFIG, EX_NOINPUT, EX_OK, EX_UNAVAILABLE
 from urbihw.kernel.uobject import BadConfig
+from urbihw.started import as_typed
 
 SILENCE_S: Final = 0.5
 """Seconds without a packet that are worth a line."""
@@ -105,7 +106,8 @@ def _run(options: argparse.Namespace) -> int:
             told = _with_platform(str(traffic.path), CaptureHead(_platform_of(traffic.path), traffic.devices), wanted)
             return _show(TrafficSource(traffic.chunks(until), told, until), options)
     if not where:
-        raise CliRefused("no daemon answers; start one (urbihw serve), or name a port or a capture", EX_UNAVAILABLE)
+        serve = as_typed("urbihw serve")
+        raise CliRefused(f"no daemon answers; start one ({serve}), or name a port or a capture", EX_UNAVAILABLE)
     if _names_no_port(where):
         raise CliRefused(f"no such file or port: {where}", EX_NOINPUT)
     head = _with_platform(where, CaptureHead(_guess(where), guessed=True), wanted)

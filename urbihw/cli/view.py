@@ -25,6 +25,7 @@ from urbihw.extras import install_command
 from urbihw.platforms.scene.library import NoMujoco, import_mujoco
 from urbihw.platforms.scene.painting import NoPictures, load_model
 from urbihw.platforms.scene.state import take_state
+from urbihw.started import as_typed
 
 TIMEOUT_S: Final = 10.0
 CLOSE_S: Final = 2.0
@@ -44,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     try:
         if not any(map(os.environ.get, _SCREENS)):
             raise CliRefused("there is no screen (DISPLAY is not set): the panel shows the world in a browser, and "
-                             "urbihw film makes a film of it", EX_CONFIG)
+                             f"{as_typed('urbihw film')} makes a film of it", EX_CONFIG)
         return _show(options)
     except CliRefused as error:
         return complain("urbihw view", error)
@@ -89,7 +90,7 @@ def _follow(mujoco: Any, robot: Robot, file: Path) -> None:
                 try:
                     take_state(mujoco, model, data, state)
                 except ValueError as error:
-                    raise CliRefused(f"{error}: start urbihw view again", EX_UNAVAILABLE) from error
+                    raise CliRefused(f"{error}: start {as_typed('urbihw view')} again", EX_UNAVAILABLE) from error
             window.sync()
 
 

@@ -8,14 +8,16 @@ loop.
 from __future__ import annotations
 
 import asyncio
+import json
 from collections import deque
-from collections.abc import AsyncIterator, Callable, Generator
+from collections.abc import AsyncIterator, Callable, Generator, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Generic, Never, Self, TypeVar
 
 from urbihw.client.aio_connection import AsyncConnection
-from urbihw.client.errors import SlotMissing
+from urbihw.client.core import LeaseTerm
+from urbihw.client.errors import ClientError, SlotMissing
 from urbihw.client.literals import (
     assignment_text,
     call_text,
@@ -23,6 +25,7 @@ from urbihw.client.literals import (
     checked_path,
     checked_slot,
     checked_text,
+    checked_writes,
     literal,
     meaning_text,
     members_text,
@@ -33,6 +36,7 @@ from urbihw.client.robot import DEFAULT_PORT, MAX_KEPT_MESSAGES, credentials_of,
 from urbihw.client.session import Message, NoPlainValue, message_of
 from urbihw.client.shown import first_line
 from urbihw.client.streams import EventStream, SampleStream, ShotStream, Stream
+from urbihw.client.values import Written, written_of
 from urbihw.client.where import where_is
 
 
@@ -200,6 +204,31 @@ class AsyncWatch(AsyncItems[SampleStream]):
         return dict(self._stream.errors)
 
 
+class AsyncLease:
+    """A lease for a block, as ``RequestLease``."""
+
+    def __init__(self, connection: AsyncConnection, seconds: float, fed: bool) -> None:
+        self._connection = connection
+        self._term = LeaseTerm(float(seconds), fed)
+
+    def feed(self) -> None:
+        self._connection.sign_of_life()
+
+    async def __aenter__(self) -> Self:
+        await self._connection.begin_lease(self._term)
+        self._connection.feed_lease(self._term)
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            await self._connection.end_lease(self._term)
+        except ClientError:
+            if kind is None:
+                raise
+
+
 class AsyncRobot(AsyncSlot):
     """A connection to the server of a robot."""
 
@@ -228,6 +257,23 @@ class AsyncRobot(AsyncSlot):
     async def estop(self) -> None:
         limit = self._connection.timeout
         await self._connection.ask(lambda dialect, channel: dialect.estop(channel), limit, keep=True)
+
+    async def joints(self) -> list[str]:
+        names: list[str] = await self._evaluated("System.joints(robot)")
+        return names
+
+    async def write(self, values: Mapping[str, Any], timeout: float | None = None) -> dict[str, Written]:
+        texts = checked_writes(values)
+        limit = self._connection.timeout if timeout is None else timeout
+        told = await self._connection.ask(lambda dialect, channel: dialect.write_all(channel, texts), limit)
+        return written_of(texts, told)
+
+    async def overview(self) -> dict[str, Any]:
+        told: dict[str, Any] = json.loads(await self._evaluated("System.overviewText(robot)"))
+        return told
+
+    def lease(self, seconds: float = 0.5, fed: bool = True) -> AsyncLease:
+        return AsyncLease(self._connection, seconds, fed)
 
     def watch(self, *slots: str, hz: float = 10.0, timeout: float | None = None) -> AsyncWatch:
         return AsyncWatch(self._connection, SampleStream(slots, hz), timeout)

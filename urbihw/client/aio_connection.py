@@ -10,11 +10,11 @@ from typing import Concatenate, ParamSpec
 
 from urbihw.client.core import (
     KEEP_ALIVE,
-    KEEP_ALIVE_SHARE,
     ClientCore,
     CoreOwner,
     Dial,
     Drain,
+    LeaseTerm,
     Pause,
     R,
     Send,
@@ -97,18 +97,26 @@ class AsyncConnection(CoreOwner):
     open_stream = _awaited(ClientCore.open_stream)
     close_stream = _awaited(ClientCore.close_stream)
     next_item = _awaited(ClientCore.next_item)
+    begin_lease = _awaited(ClientCore.begin_lease)
+    end_lease = _awaited(ClientCore.end_lease)
 
     async def open(self) -> None:
         """Connect.  Raises CannotConnect, AccessDenied or TimedOut."""
         await self.run(self.core.connect(monotonic() + self.timeout))
-        if self.core.lease:
-            self._keep_lease()
+        for term in self.core.leases:
+            self.feed_lease(term)
 
-    def _keep_lease(self) -> None:
-        """Send an empty line now and then, until the program closes the connection."""
-        if not self.core.closed:
-            self.send(KEEP_ALIVE)
-            asyncio.get_running_loop().call_later(KEEP_ALIVE_SHARE * self.core.lease, self._keep_lease)
+    def feed_lease(self, term: LeaseTerm) -> None:
+        """Give the signs of life of a lease, until it ends or the program closes the connection."""
+        if self.core.closed or term not in self.core.leases:
+            return
+        if self.core.is_fed(term):
+            self.sign_of_life()
+        asyncio.get_running_loop().call_later(term.pause, self.feed_lease, term)
+
+    def sign_of_life(self) -> None:
+        """Send what keeps a lease."""
+        self.send(KEEP_ALIVE)
 
     def begin(self, statement: Statement, answered: Callable[[Question], None]) -> Callable[[], None]:
         """Send a statement at once; ``answered`` gets its question with the Line of the answer, or why there is none.

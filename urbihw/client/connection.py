@@ -21,11 +21,11 @@ from weakref import ref
 from urbihw.client.connect import ClientSocket, connect, has_unread
 from urbihw.client.core import (
     KEEP_ALIVE,
-    KEEP_ALIVE_SHARE,
     ClientCore,
     CoreOwner,
     Dial,
     Drain,
+    LeaseTerm,
     Pause,
     R,
     Send,
@@ -48,6 +48,8 @@ MAX_CHUNKS: Final = 64
 """Maximum number of pieces that are read before an item is handed out: a server may send faster than they are read."""
 SEND_TIMEOUT_S: Final = 10.0
 """Maximum seconds for the server to accept data."""
+MAX_FEED_PAUSE_S: Final = 1.0
+"""Maximum seconds between two signs of life, so that the thread of a long lease ends soon after it."""
 SHORTEST_SEND_S: Final = 0.01
 """Seconds that a statement has to be sent, also when less is left of its timeout."""
 
@@ -91,9 +93,8 @@ class Connection(CoreOwner):
 
         self.core = ClientCore(where, credentials, timeout, reconnect, keep, self._hang_up, asks_first, lease=lease)
         self.run(self.core.connect(monotonic() + timeout))
-        if lease:
-            pause = KEEP_ALIVE_SHARE * lease
-            threading.Thread(target=_keep_lease, args=(ref(self), pause), name="urbihw-lease", daemon=True).start()
+        for term in self.core.leases:
+            self.feed_lease(term)
 
     # Commands, also from several threads at once: what is asked for, returned and raised stands in ``ClientCore``.
     ask = _blocking(ClientCore.ask)
@@ -101,6 +102,17 @@ class Connection(CoreOwner):
     open_stream = _blocking(ClientCore.open_stream)
     close_stream = _blocking(ClientCore.close_stream)
     next_item = _blocking(ClientCore.next_item)
+    begin_lease = _blocking(ClientCore.begin_lease)
+    end_lease = _blocking(ClientCore.end_lease)
+
+    def feed_lease(self, term: LeaseTerm) -> None:
+        """Give the signs of life of a lease, in a thread of their own, until it ends; none if the program does."""
+        if term.fed:
+            threading.Thread(target=_feed_lease, args=(ref(self), term), name="urbihw-lease", daemon=True).start()
+
+    def sign_of_life(self) -> None:
+        """Send what keeps a lease.  Raises ConnectionLost if the server does not read."""
+        self.send(KEEP_ALIVE)
 
     def forget_stream(self, stream: Stream) -> None:
         """End a stream that nothing reads any more; the collector may call it anywhere."""
@@ -271,15 +283,16 @@ class Connection(CoreOwner):
             made.close()
 
 
-def _keep_lease(reference: ref[Connection], seconds: float) -> None:
-    """Send an empty line every so many seconds, until the program closes or forgets the connection."""
+def _feed_lease(reference: ref[Connection], term: LeaseTerm) -> None:
+    """Send an empty line now and then, until the lease ends, or the program closes or forgets the connection."""
     while True:
-        sleep(seconds)
+        sleep(min(term.pause, MAX_FEED_PAUSE_S))
         connection = reference()
-        if connection is None or connection.core.closed:
+        if connection is None or connection.core.closed or term not in connection.core.leases:
             return
-        with suppress(ClientError):  # the next command tells it
-            connection.send(KEEP_ALIVE)
+        if connection.core.is_fed(term):
+            with suppress(ClientError):  # the next command tells it
+                connection.sign_of_life()
         del connection
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Generator
 from contextlib import suppress
+from dataclasses import dataclass
 from time import monotonic, time
 from typing import Any, Final, NamedTuple, TypeVar
 
@@ -34,6 +35,24 @@ SHORTEST_DIAL_S: Final = 0.1
 """Seconds that an attempt to connect has, also when less is left."""
 Statement = Callable[[Native, str], str]
 """Makes the text of a statement, for a dialect and the channel of its answer."""
+
+
+@dataclass(frozen=True, eq=False)
+class LeaseTerm:
+    """A lease of a connection: seconds of silence until the server stops what the connection has moved.
+
+    Attributes:
+        seconds: 0.1 to 3600.
+        fed: whether the library gives the signs of life, as long as the program is not held; else the program does.
+    """
+
+    seconds: float
+    fed: bool
+
+    @property
+    def pause(self) -> float:
+        """Seconds between two signs of life."""
+        return KEEP_ALIVE_SHARE * self.seconds
 
 
 class Dial(NamedTuple):
@@ -100,9 +119,10 @@ class ClientCore:
         what the server can, before anything else.  Without that ``on_line`` gets all lines, from the first one on, and
         all servers are addressed in the same way (``PlainDialect``).
         ``max_line``: bytes of the longest line of the server.  ``lease``: ``lobby.lease`` of each connection in
-        seconds, 0 for none; the driver sends ``KEEP_ALIVE`` every ``KEEP_ALIVE_SHARE`` of it.
+        seconds, 0 for none; the driver sends ``KEEP_ALIVE`` with a ``LeaseTerm.pause`` while it is in force.
         """
-        self.lease = lease
+        self.leases = [LeaseTerm(lease, True)] if lease else []
+        """The leases that have begun and not ended; the last one is in force."""
         self.where = where
         self.credentials = credentials
         self.timeout = timeout
@@ -213,6 +233,31 @@ class ClientCore:
                 raise stream.silence(self.where, timeout or 0.0)
         return None
 
+    def begin_lease(self, term: LeaseTerm) -> Steps[None]:
+        """Let a lease take the place of the one before it.  Raises what ``ask`` raises."""
+        self.leases.append(term)
+        try:
+            yield from self.ask(lambda dialect, channel: dialect.evaluate(channel, self._lease_text()), self.timeout)
+        except BaseException:
+            self.leases.remove(term)
+            raise
+
+    def end_lease(self, term: LeaseTerm) -> Steps[None]:
+        """End a lease: what the connection has moved stops, and the lease before it is in force again.  Raises what
+        ``ask`` raises; nothing is done without a connection, whose end has stopped it."""
+        self.leases.remove(term)
+        text = f"lobby.releaseDevices | {self._lease_text()}"
+        if self.connected:
+            with suppress(ConnectionLost):
+                yield from self.ask(lambda dialect, channel: dialect.evaluate(channel, text), self.timeout, keep=True)
+
+    def is_fed(self, term: LeaseTerm) -> bool:
+        """Whether the library is to give a sign of life for a lease now: it is in force, and the program does not."""
+        return term.fed and self.leases[-1:] == [term]
+
+    def _lease_text(self) -> str:
+        return f"lobby.lease = {self.leases[-1].seconds if self.leases else 0.0!r}"
+
     def close(self) -> None:
         """Close the connection; what waits ends with ConnectionLost."""
         self.closed = True
@@ -239,9 +284,9 @@ class ClientCore:
                 raise self._error()
             if self._asks_first:
                 yield from self._greet(session, limit)
-            if self.lease:
+            if self.leases:
                 question = session.open_question()
-                text = session.dialect.evaluate(question.channel, f"lobby.lease = {self.lease!r}")
+                text = session.dialect.evaluate(question.channel, self._lease_text())
                 yield from self._ask_now(session, question, text, limit)
             for stream in [stream for stream in self._streams if not stream.closed]:
                 yield from self._begin_again(session, stream, limit)

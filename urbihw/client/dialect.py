@@ -8,7 +8,7 @@ it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 from urbihw.client.lines import guarded
@@ -41,6 +41,12 @@ class Native:
         if quoted != path:
             return self.evaluate(channel, f"{quoted} = {value} | nil")
         return f'lobby.answerSet("{channel}", {string_literal(path)}, {value}),\n'
+
+    def write_all(self, channel: str, values: Mapping[str, str]) -> str:
+        """Write several slots in one turn; ``values`` are literals by their paths.  The answer tells of each what was
+        applied, and which limit acts."""
+        paths = ", ".join(map(string_literal, values))
+        return f'lobby.answerWrites("{channel}", [{paths}], [{", ".join(values.values())}]),\n'
 
     def evaluate(self, channel: str, body: str) -> str:
         """Evaluate an expression that was made by this library."""
@@ -115,6 +121,11 @@ class PlainDialect(Native):
     def write(self, channel: str, path: str, value: str) -> str:
         """Write a slot; ``value`` is a literal."""
         return self.evaluate(channel, f"{written_path(path)} = {value}")
+
+    def write_all(self, channel: str, values: Mapping[str, str]) -> str:
+        """Write several slots in one turn; this server does not tell what was applied."""
+        writes = " | ".join(f"{written_path(path)} = {value}" for path, value in values.items())
+        return self.evaluate(channel, f"{writes} | [{', '.join('[nil, nil]' for _ in values)}]")
 
     def evaluate(self, channel: str, body: str) -> str:
         """Evaluate an expression that was made by this library."""

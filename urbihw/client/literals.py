@@ -127,6 +127,14 @@ def assignment_text(path: str, value: str, modifiers: Mapping[str, Any]) -> str:
     return f"{written_path(path)} = {value}{words} | nil"
 
 
+def checked_writes(values: Mapping[str, Any]) -> dict[str, str]:
+    """Values to write as literals by the paths of their slots.  Raises ValueError for none of them, and what
+    ``checked_path``, ``checked_slot`` and ``literal`` raise."""
+    if not values:
+        raise ValueError("there is nothing to write: give values by the paths of slots, such as motor6.val")
+    return {checked_slot(checked_path(path)): literal(value) for path, value in values.items()}
+
+
 def call_text(path: str, args: Iterable[Any]) -> str:
     """The call of the function in a slot.  Raises what ``literal`` raises."""
     arguments = ", ".join(map(literal, args))

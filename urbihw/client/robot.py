@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final
@@ -13,14 +14,17 @@ from urbihw.client.connection import Connection
 from urbihw.client.credentials import ARGUMENTS, Credentials
 from urbihw.client.errors import ClientError
 from urbihw.client.iterators import Events, Shots, SlotWatch
+from urbihw.client.leases import RequestLease
 from urbihw.client.literals import (
     CONSTANTS,
     checked_name,
     checked_text,
+    checked_writes,
 )
-from urbihw.client.objects import UrbiObject, wrapped
+from urbihw.client.objects import UrbiObject, evaluated, wrapped
 from urbihw.client.session import Message, message_of
 from urbihw.client.streams import EventStream, SampleStream, ShotStream
+from urbihw.client.values import Written, written_of
 from urbihw.client.where import where_is
 
 DEFAULT_PORT: Final = 54000
@@ -86,6 +90,44 @@ class Robot(UrbiObject):
         """Stop the robot and hold it until the release: ``urbihw release``, or ``robot.robot.estop = False``."""
         limit = self._connection.timeout
         self._connection.ask(lambda dialect, channel: dialect.estop(channel), limit, keep=True)
+
+    # ---------------------------------------------------------------- joints
+
+    @property
+    def joints(self) -> list[str]:
+        """The names of the joints, such as ``motor6`` or ``shoulder_pan``, in an order that stays the same: that of the
+        settings, else that which the robot has for them.  ``robot[f"{name}.val"]`` is one."""
+        names: list[str] = evaluated(self._connection, "System.joints(robot)")
+        return names
+
+    def write(self, values: Mapping[str, Any], timeout: float | None = None) -> dict[str, Written]:
+        """Write several slots at once: ``robot.write({"motor6.val": 0.5, "motor7.val": 0.1})``.
+
+        One way to the server and back; the values go out with one tick of the bus.  Returns what the devices tell of
+        each: the value after the limits, and the limit that acts.  Nothing is written if one of the slots does not
+        exist (SlotMissing); a value that is refused ends the rest.  ``timeout`` in seconds, by default that of the
+        connection.
+        """
+        texts = checked_writes(values)
+        limit = self._connection.timeout if timeout is None else timeout
+        told = self._connection.ask(lambda dialect, channel: dialect.write_all(channel, texts), limit)
+        return written_of(texts, told)
+
+    def overview(self) -> dict[str, Any]:
+        """What moves and what measures, about 2 kB: ``robot``, ``type``, and in ``effectors`` and ``sensors`` for each
+        slot ``slot`` (its path), ``role``, and where there are ``unit``, ``min`` and ``max``."""
+        told: dict[str, Any] = json.loads(evaluated(self._connection, "System.overviewText(robot)"))
+        return told
+
+    def lease(self, seconds: float = 0.5, fed: bool = True) -> RequestLease:
+        """A lease for a block: ``with robot.lease(seconds=0.5)``.
+
+        What this connection moves stops when its program is held for so long (0.1 to 3600 s), and at the end of the
+        block, also by an exception.  With ``fed=False`` the library gives no sign of life: the program calls ``feed``
+        of the lease, or any command, when the one for whom it moves the robot has given one.  A lease counts for all
+        of the connection; one inside another one takes its place.
+        """
+        return RequestLease(self._connection, seconds, fed)
 
     # ---------------------------------------------------------------- what the server sends
 

@@ -20,8 +20,8 @@ TYPES: Final = {
 """Kind of a slot in the tree -> type in Python; all others are objects."""
 WIDTH: Final = 110
 _TAKEN: Final = frozenset(
-    ("slot", "run", "stop", "estop", "watch", "pictures", "events", "plot", "close", "connected", "messages",
-     "urbiscript_path")
+    ("slot", "run", "stop", "estop", "write", "joints", "overview", "lease", "watch", "pictures", "events", "plot",
+     "close", "connected", "messages", "urbiscript_path")
 )  # fmt: skip
 """Attributes of the library's own classes, which a class of the module must not hide."""
 _HEAD: Final = '''"""The robot {name}, typed: written by `urbihw stubs`.  Write it anew when the robot has changed."""

@@ -19,6 +19,10 @@ _OPEN: Final = re.compile(r'"|//|/\*')
 _PATH: Final = re.compile(rf"{_NAME}(?:{_INDEX})*(?:\s*\.\s*{_NAME}(?:{_INDEX})*)*")
 
 
+_CALLED: Final = re.compile(rf"(?<![\w.\"\])])(?<!->)({_NAME}(?:{_INDEX})*(?:\s*\.\s*{_NAME}(?:{_INDEX})*)*)\s*$")
+"""The path in front of a parenthesis; one behind an expression is no path."""
+
+
 @dataclass(frozen=True)
 class Subject:
     """The slot before the cursor: ``path`` leads from the lobby to the object, ``prefix`` is the typed part of the
@@ -40,6 +44,27 @@ def subject(text: str) -> Subject | None:
     if before.endswith((".", "->")) or text[: match.start()][-1:].isalnum():
         return None
     return Subject(steps(match[1]), prefix)
+
+
+def open_call(text: str) -> tuple[tuple[Step, ...], str] | None:
+    """The function whose arguments stand at the end of a text: the path of what has it, and its name.  None outside of
+    parentheses, and where the function has no path."""
+    bare = _CLOSED.sub(lambda found: " " * len(found[0]), text)
+    if _OPEN.search(bare):
+        bare = bare[: _OPEN.search(bare).start()]  # type: ignore[union-attr]  # the beginning of an argument
+    closed = 0
+    for at in range(len(bare) - 1, -1, -1):
+        if bare[at] in ")]}":
+            closed += 1
+        elif bare[at] in "([{" and closed:
+            closed -= 1
+        elif bare[at] == "(":
+            match = _CALLED.search(text[:at])
+            found = steps(match[1]) if match is not None else ()
+            return (found[:-1], found[-1]) if found and isinstance(found[-1], str) else None
+        elif bare[at] in "[{;":
+            return None
+    return None
 
 
 def steps(text: str) -> tuple[Step, ...]:

@@ -7,8 +7,8 @@ Numbers, strings, lists, dictionaries (``["k" => 1]``, empty ``[=>]``), ``BIN``,
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from typing import Any, Final
+from collections.abc import Callable, Iterable
+from typing import Any, Final, NamedTuple
 
 from urbihw.client.lines import Binary, Line
 
@@ -25,6 +25,19 @@ _ESCAPES: Final = {b"n": b"\n", b"t": b"\t", b"r": b"\r", b"a": b"\a", b"b": b"\
 _CONSTANTS: Final = {b"nil": None, b"void": None, b"true": True, b"false": False}
 
 
+class Written(NamedTuple):
+    """What a device tells of a written value.
+
+    Attributes:
+        applied: the value after the limits, in the unit of the slot; nan while the device is off, None for a slot whose
+            device does not tell it.
+        limited_by: the name of the limit that acts, "" for none.
+    """
+
+    applied: float | None
+    limited_by: str
+
+
 class NotAValue(ValueError):
     """The text is not a value."""
 
@@ -38,6 +51,12 @@ def value_of(
     character per byte.  Raises NotAValue.
     """
     return _Reader(line, binary, name).value(0)
+
+
+def written_of(paths: Iterable[str], told: Any) -> dict[str, Written]:
+    """The answer to a write of several slots.  Raises ValueError or TypeError for any other answer."""
+    rows = zip(paths, told, strict=True)
+    return {path: Written(applied, limit or "") for path, (applied, limit) in rows}
 
 
 class _Reader:

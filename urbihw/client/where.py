@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from urbihw.started import as_typed
+
 DEFAULT_HOST: Final = "127.0.0.1"
 
 
@@ -56,7 +58,7 @@ def explain_absence(where: Where, error: OSError | UnicodeError) -> str:
     """The sentence for a server that cannot be reached."""
     if where.path is not None and isinstance(error, FileNotFoundError | ConnectionRefusedError):
         left = " any more, and the file may go" if where.path.exists() else ""
-        return f"no server listens at {where.path}{left}; start the server: urbihw serve"
+        return f"no server listens at {where.path}{left}; start the server: {as_typed('urbihw serve')}"
     return f"cannot connect to {where}: {why(error)}; is the server running, is this its port?"
 
 

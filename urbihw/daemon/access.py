@@ -20,6 +20,7 @@ from urbihw.daemon.secrets import NAME, NAME_RULE, WrongSecrets, find_stored, ma
 from urbihw.daemon.state import MAX_SECRET_BYTES, lock_folder, read_secret, write_secret
 from urbihw.kernel.server.handshake import HandshakeRefusal, line
 from urbihw.kernel.uobject import BadConfig
+from urbihw.started import as_typed
 
 log = logging.getLogger("urbihw.access")
 
@@ -84,9 +85,11 @@ class Tokens:
         with lock_folder(self._folder):
             entries = self.entries()
             if any(entry.name == name for entry in entries):
-                raise BadConfig(f"{name} has a token already; to make another one: urbihw access remove {name}")
+                removing = as_typed("urbihw access remove")
+                raise BadConfig(f"{name} has a token already; to make another one: {removing} {name}")
             if len(entries) >= MAX_TOKENS:
-                raise BadConfig(f"there are {MAX_TOKENS} tokens, which is the most: urbihw access remove NAME")
+                removing = as_typed("urbihw access remove")
+                raise BadConfig(f"there are {MAX_TOKENS} tokens, which is the most: {removing} NAME")
             self._write([*entries, StoredToken(name, datetime.now(UTC).date().isoformat(), salt, digest)])
         return token
 

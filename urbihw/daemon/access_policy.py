@@ -20,6 +20,7 @@ from urbihw.daemon.state import credential, state_folder
 from urbihw.kernel.server.connection import LobbyConnection
 from urbihw.kernel.server.handshake import HandshakeFactory, HandshakeRefusal, PlainHandshake, line
 from urbihw.kernel.uobject import BadConfig
+from urbihw.started import as_typed
 
 log = logging.getLogger("urbihw.access")
 
@@ -100,9 +101,9 @@ def access_policy(config: Config, addresses: Iterable[str]) -> AccessPolicy:
     tokens = Tokens(folder, credential(CREDENTIAL))
     count = len(tokens.entries())
     if not count:
-        raise BadConfig(f"others than this machine reach host {config.host}, and there is no token yet: urbihw access "
-                        "add NAME, as the same user (with sudo for the service); or set allow_plain = true, which lets "
-                        "in everybody")
+        raise BadConfig(f"others than this machine reach host {config.host}, and there is no token yet: "
+                        f"{as_typed('urbihw access add')} NAME, as the same user (with sudo for the service); or set "
+                        "allow_plain = true, which lets in everybody")
     files = _certificate(config, folder)
     context = tls.context(files)
     log.info("TLS on %s for %d who have a token; fingerprint %s", config.host, count, tls.fingerprint(files))

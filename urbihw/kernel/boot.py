@@ -70,5 +70,6 @@ def build(scheduler: Scheduler, process: HostProcess, libraries: Sequence[Librar
     names = ("System", "Lobby", "Global", "Object", *PROTECTED_SYSTEM_SLOTS, *PROTECTED_LOBBY_SLOTS)
     world.record.protect(world.lobby_proto, *names)
     world.record.protect(system, *PROTECTED_SYSTEM_SLOTS)
+    world.record.note_library()
     return programs, host
 

@@ -5,8 +5,8 @@ The modules are those of a library (``urbihw.kernel.stdlib`` tells what they may
 - ``interface`` (kinds of devices and the slots that these promise), ``localizer`` and ``component`` (the tree of the
   robot), ``mobile`` (speeds and paths of a base);
 - ``subscription`` (samples at a rate, by ``sampling``, ``value_feed`` and ``binary_feed``), ``answers`` (for programs),
-  ``robot_tree`` (for panels) and ``device_slots`` (for ``help``); they read slots by ``slot_reading`` and write texts
-  by ``json_text`` and ``nested_text``.
+  ``robot_tree`` (for panels), ``overview`` (for programs) and ``device_slots`` (for ``help``); they read slots by
+  ``slot_reading``, walk the tree by ``tree_walk``, and write texts by ``json_text`` and ``nested_text``.
 
 A kernel that has it is made by ``Kernel(libraries=(ROBOT_LIBRARY,))``.  Start reading with ``interface.u``.  Imports
 nothing of the kernel but its door for libraries, ``urbihw.kernel.library``.
@@ -20,6 +20,9 @@ __all__ = ["ROBOT_LIBRARY"]
 
 ROBOT_LIBRARY = Library(
     "urbihw.robot",
-    ("subscription", "robot_tree", "device_slots", "answers", "interface", "localizer", "component", "mobile"),
+    (
+        "subscription", "robot_tree", "overview", "device_slots", "answers", "interface", "localizer", "component",
+        "mobile",
+    ),  # fmt: skip
 )
 """The library of robots; its modules in the order of loading."""

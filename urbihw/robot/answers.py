@@ -42,7 +42,7 @@ from urbihw.kernel.library import (
     prototype,
 )
 from urbihw.robot.nested_text import NestedText
-from urbihw.robot.slot_reading import Unreadable, make_reader, parse_path
+from urbihw.robot.slot_reading import PathStep, Unreadable, make_reader, make_slot_reader, parse_path
 
 TABLE = Table("Lobby")
 TABLES = [TABLE]
@@ -55,6 +55,8 @@ MAX_FOLLOWED: Final = 64
 """Maximum number of events that are sent to a connection."""
 MAX_ASSIGNMENTS: Final = 1000
 """Maximum number of compiled assignments."""
+OUTCOME: Final = ("applied", "limitedBy")
+"""The slots of a device that tell what became of the last write."""
 KIND: Final = "followed events"
 _WORD: Final = re.compile(r"[A-Za-z_][\w.]*", re.ASCII)
 
@@ -272,26 +274,65 @@ class _Literal(NestedText):
         return shown if _WORD.fullmatch(shown) and isinstance(value, Obj) else escaped(shown)
 
 
+def _told_after(world: World, holder: Value, name: str) -> Value:
+    """What a device tells of its last write by a slot; nil for what has no such slot."""
+    if world.peek_obj(holder).find(name) is None:
+        return world.nil
+    return make_slot_reader(world)(holder, name)
+
+
 def install(world: World, programs: Any) -> None:
-    """Install ``answerSet``, which keeps the compiled assignments."""
+    """Install ``answerSet`` and ``answerWrites``, which keep the compiled assignments."""
     table = Table("Lobby")
-    assignments: dict[str, Value] = {}
+    assignments: dict[str, tuple[Value, list[PathStep]]] = {}
+
+    def assignment(this: Value, path: str) -> tuple[Value, list[PathStep]]:
+        """The function that assigns to a path, and the steps of the path.  Raises an urbiscript error."""
+        known = assignments.get(path)
+        if known is None:
+            steps = parse_path(world, path)
+            known = programs.evaluate(f"function (_value) {{ {path} = _value }}", this), steps
+            if len(assignments) >= MAX_ASSIGNMENTS:
+                assignments.clear()
+            assignments[path] = known
+        return known
 
     @table.primitive("answerSet")
     def answer_set(world: World, this: Value, channel: str, path: str, value: Value) -> None:
         """Write a slot by its path, such as ``motor6.val``, and send ``["", nil]`` or the error on a channel."""
         text = '["stopped"]'
         try:
-            assign = assignments.get(path)
-            if assign is None:
-                parse_path(world, path)
-                assign = programs.evaluate(f"function (_value) {{ {path} = _value }}", this)
-                if len(assignments) >= MAX_ASSIGNMENTS:
-                    assignments.clear()
-                assignments[path] = assign
+            assign, _ = assignment(this, path)
             with _Answering(world, this, channel):
                 world.invoke(assign, this, (value,))
                 text = '["", nil]'
+        except Exception as error:
+            text = _error_text(world, error)
+        finally:
+            _send(world, this, channel, text)
+
+    def target(this: Value, path: str) -> tuple[Value, Value]:
+        """The function that assigns to a path, and what holds its slot.  Raises an urbiscript error if nothing does."""
+        assign, steps = assignment(this, path)
+        holder = make_reader(world, this, steps[:-1])()
+        if steps[-1].index is None and world.peek_obj(holder).find(steps[-1].name) is None:
+            raise errors.LookupFailed(steps[-1].name, holder)
+        return assign, holder
+
+    @table.primitive("answerWrites")
+    def answer_writes(world: World, this: Value, channel: str, paths: List, values: List) -> None:
+        """Write slots by their paths, all in one turn, so that the values go out with one tick of the bus, and send on
+        a channel for each what its device tells of it: ``["", [[applied, limitedBy], ...]]``, nil where it tells
+        nothing; or the error.  No slot is written if one of the paths has no slot.
+        """
+        text = '["stopped"]'
+        try:
+            writes = [(*target(this, world.text(path)), value) for path, value in zip(paths.l, values.l, strict=True)]
+            with _Answering(world, this, channel):
+                for assign, _, value in writes:
+                    world.invoke(assign, this, (value,))
+                told = [[_told_after(world, holder, name) for name in OUTCOME] for _, holder, _ in writes]
+                text = _kind_text(world, world.new_list([world.new_list(row) for row in told]))
         except Exception as error:
             text = _error_text(world, error)
         finally:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
 from urbihw.kernel.library import (
+    GroupObject,
     Obj,
     SlotMeta,
     String,
@@ -96,12 +97,17 @@ class _Refusal(Exception):
 
 
 def make_slot_reader(world: World) -> Callable[[Value, str], Value]:
-    """A function ``read(target, name)`` that reads a slot, and calls no function without a unit."""
+    """A function ``read(target, name)`` that reads a slot, and calls no function without a unit.  A slot of a group is
+    a List with those of its members, in their order."""
 
     def read_slot(target: Value, name: str) -> Value:
         obj: Obj = world.peek_obj(target) if target.__class__ is float else target
         holder = obj if name in obj.slots else obj.find(name)
         if holder is None:
+            if isinstance(obj, LocalizerObject):
+                obj = obj.group()
+            if isinstance(obj, GroupObject) and obj.members:
+                return world.new_list([read_slot(member, name) for member in obj.members])
             raise _Refusal(f"lookup failed: {name}")
         value = holder.slots[name]
         if value.__class__ is float or not value.runs:

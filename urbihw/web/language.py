@@ -41,9 +41,10 @@ async def complete(session: WebSession, request: Request) -> dict[str, Any]:
         return {"words": []}
     await session.console()
     path = literal(list(wanted.path))
-    names = await session.link.value(f"assistant_names({string_literal(session.console_uid)}, {path})")
+    asked = f"{string_literal(session.console_uid)}, {path}, {string_literal(wanted.prefix)}"
+    names = [str(row[0]) for row in await session.link.value(f"assistant_names({asked})")]
     hidden = wanted.prefix.startswith("_")
-    words = [each for each in names if each.startswith(wanted.prefix) and each and (hidden or each[0] != "_")]
+    words = [each for each in names if each.startswith(wanted.prefix) and (hidden or each[0] != "_")]
     return {"words": words[:MAX_WORDS]}
 
 

@@ -20,6 +20,7 @@ from urbihw.web.tree import FREE_CALLS, PACED_CALLS, TELLING_CALLS
 DEAD_MAN_S: Final = 0.3
 """Seconds without an order of the pad after which the base stands."""
 MAX_SPEED: Final = 20.0
+MAX_LEASE_S: Final = 3600.0
 TAKEN_S: Final = 0.1
 """Seconds in which a movement that fails at once fails the answer; a later error comes as output."""
 MAX_ARGUMENTS: Final = 8
@@ -193,11 +194,15 @@ async def drive(session: WebSession, request: Request) -> dict[str, Any]:
 
 
 async def lease(session: WebSession, request: Request) -> dict[str, Any]:
-    """Take the robot over from another browser, or leave it."""
+    """Take the robot over from another browser, or leave it; with ``seconds`` for as long as the browser gives signs of
+    life."""
     if truth_of(request, "take"):
+        if request.get("seconds") is not None:
+            await session.set_lease(number_of(request, "seconds", 0, MAX_LEASE_S))
         session.gateway.take_lease(session, over=True)
     else:
         session.gateway.end_lease(session)
+        await session.set_lease(0.0)
     return {}
 
 

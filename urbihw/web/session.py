@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, Final
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from urbihw.backoff import BackOff
+from urbihw.client.core import KEEP_ALIVE
 from urbihw.client.driving import PROGRAM as DRIVE_PROGRAM
 from urbihw.client.lines import Line
 from urbihw.client.literals import string_literal
@@ -118,6 +119,8 @@ class WebSession:
         """Tasks that serve the browser, by name: each ends with it."""
         self._socket = socket
         self._link: LobbyLink | None = None
+        self._lease = 0.0
+        """Seconds without a message of the browser after which the daemon stops what it moves; 0 for none."""
         self._connected = asyncio.Event()
         self._console: LobbyLink | None = None
         self._opening = asyncio.Lock()
@@ -173,6 +176,7 @@ class WebSession:
         async for message in self._socket:
             if message.type != WSMsgType.TEXT:
                 continue
+            self._pass_on_life()
             is_too_fast = self._is_too_fast()
             try:
                 request = parse_request(message.data)
@@ -201,6 +205,29 @@ class WebSession:
         task = asyncio.create_task(self._serve(number, request))
         pending.add(task)
         task.add_done_callback(pending.discard)
+
+    async def set_lease(self, seconds: float) -> None:
+        """Let the daemon stop what this browser moves after so many seconds without a message of it; 0: never.  Raises
+        LobbyError."""
+        before, self._lease = self._lease, seconds
+        try:
+            for link in self._links():
+                await link.ask(_lease_text(seconds))
+        except LobbyError:
+            self._lease = before
+            raise
+
+    def _pass_on_life(self) -> None:
+        """The browser has sent something: tell the daemon, which watches its lease.  The gateway itself lives longer
+        than the browser, so it says nothing on its own."""
+        if self._lease:
+            for link in self._links():
+                with contextlib.suppress(LobbyError):
+                    link.send(KEEP_ALIVE)
+
+    def _links(self) -> list[LobbyLink]:
+        """The connections by which this browser moves the robot."""
+        return [link for link in (self._link, self._console) if link is not None]
 
     def _is_too_fast(self) -> bool:
         now = asyncio.get_running_loop().time()
@@ -298,6 +325,8 @@ class WebSession:
         settings = self.gateway.settings
         link = await LobbyLink.open(settings.where, settings.credentials, heard, closed)
         link.send(f"lobby.introduce({string_literal(self.title)})|;\n")
+        if self._lease:
+            link.send(f"{_lease_text(self._lease)}|;\n")
         return link
 
     async def _keep_connected(self) -> None:
@@ -413,6 +442,10 @@ class WebSession:
         self.outbox.put(
             {"event": "output", "channel": line.channel, "stamp": line.stamp, "kind": kind, "text": text}
         )
+
+
+def _lease_text(seconds: float) -> str:
+    return f"lobby.lease = {seconds!r}"
 
 
 def _end(ended: asyncio.Event, reason: str) -> None:

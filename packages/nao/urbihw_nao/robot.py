@@ -188,6 +188,11 @@ class Nao(WiredRobot):
     def is_complete(self) -> bool:
         return self.has_tree
 
+    @function("jointOrder")
+    def joint_order(self) -> list[NaoJoint]:
+        """The joints in the order in which the robot tells them (``ALMotion.getBodyNames``)."""
+        return list(self.joints.values())
+
     def limited_devices(self) -> Mapping[str, LimitedDevice]:
         """Return the joints that have a motor of their own, and walking."""
         if not self._built:

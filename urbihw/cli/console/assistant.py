@@ -11,7 +11,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
-from typing import Final
+from typing import Final, NamedTuple
 
 from urbihw.client.aio_connection import AsyncConnection
 from urbihw.client.credentials import Credentials
@@ -31,6 +31,20 @@ _LETTERS: Final = {"n": "\n", "t": "\t", "r": "\r", "a": "\a", "b": "\b", "f": "
 
 class NoAnswer(Exception):
     """The server did not answer, or answered with an error; the message gives the reason."""
+
+
+class KnownName(NamedTuple):
+    """A slot that may be typed.
+
+    Attributes:
+        name: its name.
+        rank: "0" for what the user looks for first, up to "3" for what every object has (``System.completions``).
+        meaning: what it is, in one line; "" where the server does not say.
+    """
+
+    name: str
+    rank: str
+    meaning: str
 
 
 @dataclass(frozen=True)
@@ -54,12 +68,18 @@ class Assistant:
         self._link: AsyncConnection | None = None
         self._turn = asyncio.Lock()
 
-    async def names(self, uid: str, path: Sequence[Step]) -> list[str]:
-        """The names of all slots of the object at a path; an empty name separates the slots that every object has.
-
-        Raises NoAnswer.
+    async def names(self, uid: str, path: Sequence[Step], prefix: str) -> list[KnownName]:
+        """The slots of the object at a path; a server of another kind may tell those that do not begin with the prefix,
+        too.  Raises NoAnswer.
         """
-        return strings(await self._ask(f"assistant_names({quoted(uid)}, {written(path)})"))
+        told = strings(await self._ask(f"assistant_names({quoted(uid)}, {written(path)}, {quoted(prefix)})"))
+        return [KnownName(*row) for row in zip(told[::3], told[1::3], told[2::3], strict=True)]
+
+    async def call(self, uid: str, path: Sequence[Step], name: str) -> tuple[str, str]:
+        """The arguments of a function in parentheses, and its description; two empty texts for what is no function.
+        Raises NoAnswer."""
+        arguments, text = strings(await self._ask(f"assistant_call({quoted(uid)}, {written(path)}, {quoted(name)})"))
+        return arguments, text
 
     async def describe(self, uid: str, path: Sequence[Step], name: str) -> Description:
         """The description of a slot.  Raises NoAnswer."""

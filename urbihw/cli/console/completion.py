@@ -9,12 +9,14 @@ from typing import Final
 from prompt_toolkit.completion import CompleteEvent, Completer, Completion
 from prompt_toolkit.document import Document
 
-from urbihw.cli.console.assistant import Assistant, NoAnswer
+from urbihw.cli.console.assistant import Assistant, KnownName, NoAnswer
 from urbihw.cli.console.session import ConsoleSession
 from urbihw.client.subject import Subject, subject
 from urbihw.kernel.stages import WORDS
 
 COMMANDS: Final = ("help",)
+LANGUAGE: Final = "3"
+"""The rank of the words of the language: they stand with what every object has."""
 _IDENTIFIER: Final = re.compile(r"[A-Za-z_]\w*")
 
 
@@ -37,34 +39,38 @@ class LiveCompleter(Completer):
         if wanted is None:
             return
         first = not document.text_before_cursor.removesuffix(wanted.prefix).strip()
-        for name in candidates(wanted, await self._names(wanted), first=first):
-            yield Completion(name, -len(wanted.prefix))
+        for each in candidates(wanted, await self._names(wanted), first=first):
+            yield Completion(each.name, -len(wanted.prefix), display_meta=each.meaning)
 
-    async def _names(self, wanted: Subject) -> list[str]:
+    async def _names(self, wanted: Subject) -> list[KnownName]:
         if not self._session.uid:
             return []
         try:
-            return await self._assistant.names(self._session.uid, wanted.path)
+            return await self._assistant.names(self._session.uid, wanted.path, wanted.prefix)
         except NoAnswer:
             return []
 
 
-def candidates(wanted: Subject, names: Sequence[str], *, first: bool) -> list[str]:
-    """The names to offer, those that not every object has first; hidden ones (``_x``) only after a typed ``_``.
+def candidates(wanted: Subject, names: Sequence[KnownName], *, first: bool) -> list[KnownName]:
+    """The names to offer, those that the user looks for first; hidden ones (``_x``) only after a typed ``_``.
 
     ``names`` come from the assistant; ``first``: no path precedes the name.
     """
-    border = names.index("") if "" in names else len(names)
-    own = set(names[:border])
-    offered = own | set(names[border:])
+    offered = {each.name: each for each in names}
     if not wanted.path:
-        offered |= WORDS
-        if first:
-            offered |= set(COMMANDS)
+        for word in (*WORDS, *(COMMANDS if first else ())):
+            offered.setdefault(word, KnownName(word, LANGUAGE, ""))
     hidden = wanted.prefix.startswith("_")
     fitting = [
-        name
-        for name in offered
-        if name.startswith(wanted.prefix) and _IDENTIFIER.fullmatch(name) and (hidden or not name.startswith("_"))
+        each
+        for each in offered.values()
+        if each.name.startswith(wanted.prefix)
+        and _IDENTIFIER.fullmatch(each.name)
+        and (hidden or not each.name.startswith("_"))
     ]
-    return sorted(fitting, key=lambda name: (name not in own, name.lower(), name))
+    return sorted(fitting, key=lambda each: (each.rank, natural(each.name), each.name))
+
+
+def natural(name: str) -> list[tuple[int, str]]:
+    """A key that sorts ``motor2`` before ``motor10``, whatever the case."""
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name.lower())]

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import os
 import signal
+import textwrap
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -22,14 +23,14 @@ from prompt_toolkit.lexers import PygmentsLexer
 from urbihw.cli.console.assistant import Assistant, NoAnswer
 from urbihw.cli.console.colours import STYLE, highlighted, painted
 from urbihw.cli.console.completion import LiveCompleter
-from urbihw.cli.console.help import KEYS, described
+from urbihw.cli.console.help import described, keys_text
 from urbihw.cli.console.lexer import UrbiscriptLexer
 from urbihw.cli.console.prompt_printer import PromptPrinter
 from urbihw.cli.console.session import ConsoleSession
 from urbihw.cli.options import CliRefused
 from urbihw.client.credentials import Credentials
 from urbihw.client.lines import Line
-from urbihw.client.subject import whole_path
+from urbihw.client.subject import Step, open_call, whole_path
 from urbihw.client.where import Where
 from urbihw.exitcodes import NO_SERVER
 from urbihw.kernel.stages import dump, unfinished
@@ -84,6 +85,11 @@ class Screen:
             bottom_toolbar=self._hint,
         )
         self._prompt_printer = PromptPrinter(self._prompt.app, STYLE)
+        self._call: tuple[tuple[Step, ...], str] | None = None
+        """The function whose arguments are typed, and what its help says of them."""
+        self._call_hint = ""
+        self._prompt.default_buffer.on_text_changed += self._look_at_call
+        self._prompt.default_buffer.on_cursor_position_changed += self._look_at_call
 
     # ---------------------------------------------------------------- the connection
 
@@ -127,13 +133,36 @@ class Screen:
         how = {"connected": "", "denied": " (denied)"}.get(self._session.state, " (reconnecting)")
         return f"{self._session.name}{how}> "
 
+    @property
+    def _columns(self) -> int:
+        return self._prompt.app.output.get_size().columns
+
+    def _look_at_call(self, buffer: Buffer) -> None:
+        """The text has changed: ask for the arguments of the function in whose parentheses the cursor stands."""
+        call = open_call(buffer.document.text_before_cursor)
+        if call != self._call:
+            self._call, self._call_hint = call, ""
+            if call is not None and self._session.uid:
+                self._prompt.app.create_background_task(self._tell_arguments(call))
+
+    async def _tell_arguments(self, call: tuple[tuple[Step, ...], str]) -> None:
+        with contextlib.suppress(NoAnswer):
+            arguments, text = await self._assistant.call(self._session.uid, *call)
+            if call == self._call and (arguments or text):
+                how, said = f"{call[1]}{arguments or '()'}", text.partition("\n")[0]
+                self._call_hint = said if said.startswith(how) else f"{how}: {said}".removesuffix(": ")
+                self._prompt.app.invalidate()
+
     def _hint(self) -> AnyFormattedText:
         text = self._prompt.default_buffer.text
+        if self._call_hint:
+            hint = textwrap.shorten(self._call_hint, self._columns - 1, placeholder=" ...")
+            return FormattedText([("class:hint", hint)])
         if self._session.state != "connected":
             return FormattedText([("class:hint", f"not connected: {self._session.reason}")])
-        if text.strip() and not is_command(text) and self._unfinished(text):
+        if text.strip() and asked_help(text) is None and self._unfinished(text):
             return FormattedText([("class:hint", "unfinished: end it with ; or , (an empty line adds the ;)")])
-        return FormattedText([("class:hint", "Tab completes, help NAME explains, Ctrl-C stops, Ctrl-D leaves")])
+        return FormattedText([("class:hint", "Tab completes, NAME? explains, Ctrl-C stops, Ctrl-D leaves")])
 
     # ---------------------------------------------------------------- typing
 
@@ -145,7 +174,7 @@ class Screen:
             buffer = event.current_buffer
             if not buffer.text.strip():
                 buffer.reset()
-            elif is_command(buffer.text) or not self._unfinished(buffer.text):
+            elif asked_help(buffer.text) is not None or not self._unfinished(buffer.text):
                 self._submit(buffer)
             elif buffer.document.is_cursor_at_the_end and lacks_separator(buffer.text):
                 buffer.text = buffer.text.rstrip() + ";"
@@ -184,7 +213,7 @@ class Screen:
         # The same prompt goes on: between two prompts the terminal's own settings would process the keys.
         self._prompt_printer.show(FormattedText([*self._message(), *highlighted(text, continuation(len(self._name)))]))
         self._prompt_printer.flush()
-        if is_command(text):
+        if asked_help(text) is not None:
             self._prompt.app.create_background_task(self._help(text))
         else:
             self._session.send(text + "\n")
@@ -213,25 +242,34 @@ class Screen:
         return 0
 
     async def _help(self, text: str) -> None:
-        name = text.strip().partition(" ")[2]
+        name = asked_help(text) or ""
         path = whole_path(name)
         if path is None:
-            self._note(KEYS)
+            self._note(keys_text(self._columns))
             return
         *way, last = path
         try:
             if not isinstance(last, str):
                 self._note("help takes a name, such as motors, not one of its members")
                 return
-            self._prompt_printer.show(described(name, await self._assistant.describe(self._session.uid, way, last)))
+            told = await self._assistant.describe(self._session.uid, way, last)
+            self._prompt_printer.show(described(name, told, self._columns))
         except NoAnswer as error:
             self._note(f"no help for {name}: {error}")
 
 
-def is_command(text: str) -> bool:
-    """Whether a text is a command of the console, not for the server."""
-    words = text.strip().rstrip(";").split(maxsplit=1)
-    return bool(words) and words[0] == "help" and (len(words) == 1 or whole_path(words[1]) is not None)
+def asked_help(text: str) -> str | None:
+    """What a text asks help for, by ``help NAME`` or ``NAME?``: a path, or "" for the console itself; None for a text
+    that is for the server."""
+    typed = text.strip()
+    words = typed.rstrip(";").split(maxsplit=1)
+    if words[:1] == ["help"]:
+        name = "".join(words[1:])
+    elif typed.endswith("?"):
+        name = typed.removesuffix("?").rstrip()
+    else:
+        return None
+    return name if not name or whole_path(name) is not None else None
 
 
 def lacks_separator(text: str) -> bool:

@@ -84,6 +84,7 @@ class Record:
         self._by_name: dict[str, RecordedObject] = {}
         self._functions: set[str] = set()
         self._robots: set[str] = set()  # slots of Global that its own code has made
+        self._librarys: frozenset[str] = frozenset()  # slots of Global before there was a robot
         self._quick: tuple[Any, ...] = ()
         self._logged: set[tuple[str, str]] = set()
         self._printers: list[RecordedObject] = []
@@ -111,6 +112,10 @@ class Record:
         kept = self._kept.get(obj)
         return kept is not None and name in kept.slots
 
+    def is_librarys(self, name: str) -> bool:
+        """Whether a slot of Global belongs to the library: neither the robot nor a program has made it."""
+        return name in self._librarys
+
     def guard(self, obj: Obj, name: str) -> None:
         """Raise an error if making or replacing a slot of this protected name would replace or hide a protected
         slot.
@@ -135,6 +140,10 @@ class Record:
         return ""
 
     # ---------------------------------------------------------------- the record
+
+    def note_library(self) -> None:
+        """The library is complete: what Global gets from now on belongs to the robot and to programs."""
+        self._librarys = frozenset(self._world.global_.slots)
 
     def take_snapshot(self) -> None:
         """Record the library as it is now."""

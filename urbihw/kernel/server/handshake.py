@@ -3,8 +3,8 @@
 A web page can make a browser on this machine send bytes to 127.0.0.1, and the request line in front of them (``POST /
 HTTP/1.1``) would be skipped as a syntax error.  So a connection that begins like another protocol is closed before any
 of its input is evaluated.  A web page controls the path and what follows, but never the first bytes: they are a method
-and a blank, or the first record of TLS, STUN or SSH.  Mail, FTP, IRC and Redis are refused for the same reason: a
-program that was led to this port by mistake must not move a robot.
+and a blank, or the first record of TLS, STUN or SSH.  Mail, FTP, IRC, Redis and others are refused for the same
+reason: a program that was led to this port by mistake must not move a robot.
 
 Each connection has a ``Handshake``, which gets the bytes until it accepts them or raises ``HandshakeRefusal``.  It has
 no access to the socket.  ``PlainHandshake`` is the one of a port without authentication.
@@ -108,14 +108,26 @@ _TARGET_SO_FAR: Final = re.compile(rb"(/[^ \r\n]*|\*|[A-Za-z][A-Za-z0-9+.\-]*(:(
 _VERSION: Final = re.compile(rb"(HTTP|RTSP|SIP)/[0-9].*", re.DOTALL | re.IGNORECASE)
 """The end of a request line."""
 _VERSION_SO_FAR: Final = re.compile(rb"(H(T(TP?)?)?|R(T(SP?)?)?|S(IP?)?|HTTP/|RTSP/|SIP/)?", re.IGNORECASE)
-_COMMANDS: Final = frozenset(b"HELO EHLO LHLO MAIL RCPT USER PASS NICK CAP JOIN".split())
-"""First words of SMTP (RFC 5321), LMTP (RFC 2033), FTP (RFC 959), POP3 and IRC.  A blank and a word follow them, which
-is no statement of urbiscript."""
+_COMMANDS: Final = frozenset(b"HELO EHLO LHLO MAIL RCPT USER PASS NICK CAP JOIN AUTH HELLO PING".split())
+"""First words of SMTP (RFC 5321), LMTP (RFC 2033), FTP (RFC 959), POP3, IRC and Redis.  A blank and a word follow them,
+which is no statement of urbiscript."""
 _ARGUMENT: Final = re.compile(rb"#|(?!(?:in|and|or|xor|bit|not_eq)\w*\b)\w+\b(?=.)", re.DOTALL)
 """The word behind one of them, when it is complete.  Operators of urbiscript do not count."""
 _ARGUMENT_SO_FAR: Final = re.compile(rb"\w*")
-_REDIS: Final = re.compile(rb"\*[0-9]+\r\n")
-_REDIS_SO_FAR: Final = re.compile(rb"\*[0-9]*\r?")
+_KEY: Final = rb"[\w:.\-]+"
+_LINES: Final = (
+    (re.compile(rb"\*[0-9]+\r\n|PING\r?\n"), re.compile(rb"\*[0-9]*\r?|PING\r"), "Redis"),
+    (re.compile(rb"[A-Za-z]{0,4}[0-9]{1,6} (?:AUTHENTICATE|CAPABILITY|LOGIN|NOOP|STARTTLS)[ \r\n]"),
+     re.compile(rb"[A-Za-z]{0,4}[0-9]{1,6} [A-Z]{0,12}"), "IMAP"),
+    # `get x` alone may begin a getter, and `stats` a statement.
+    (re.compile(rb"(?:set|add|replace|append|prepend) %b [0-9]+ -?[0-9]+ [0-9]+[ \r\n]|gets %b[ \r\n]|get %b %b[ \r\n]"
+                % ((_KEY,) * 4)),
+     re.compile(rb"(?:set|add|replace|append|prepend) (?:%b(?: [0-9]*(?: -?[0-9]*(?: [0-9]*)?)?)?)?"
+                rb"|gets? (?:%b(?: (?:%b)?)?)?" % ((_KEY,) * 3)), "memcached"),
+    (re.compile(rb"<[?!/A-Za-z]"), re.compile(rb"<"), "XML"),
+)  # fmt: skip
+"""Beginnings that are no statement of urbiscript, those that may become one, and what speaks so: Redis, IMAP (RFC
+9051), memcached (its protocol.txt), XML and HTML."""
 _BLANKS: Final = b" \t\r\n\v\f"
 _CONTROLS: Final = {0x00: "a binary protocol such as STUN", 0x04: "SOCKS", 0x05: "SOCKS", 0x16: "TLS"}
 
@@ -156,12 +168,13 @@ def _may_be_request(first: bytes) -> bool:
     if first[0] < 0x20 or first[0] == 0x7F:
         spoken = _CONTROLS.get(first[0], "no text")
         raise HandshakeRefusal(line(f"this is {spoken}; {_EXPLANATION}"), f"it speaks {spoken}")
-    if _REDIS.match(first):
-        raise HandshakeRefusal(line(f"this is Redis; {_EXPLANATION}"), "it speaks Redis")
+    for whole, so_far, spoken in _LINES:
+        if whole.match(first):
+            raise HandshakeRefusal(line(f"this is {spoken}; {_EXPLANATION}"), f"it speaks {spoken}")
+        if so_far.fullmatch(first):
+            return True
     method, blank, rest = first.partition(b" ")
     if not blank:
-        if _REDIS_SO_FAR.fullmatch(first):
-            return True
         if method.startswith(b"SSH-") and method[4:5].isdigit():
             raise HandshakeRefusal(line(f"this is SSH; {_EXPLANATION}"), "it speaks SSH")
         return len(method) <= MAX_METHOD_BYTES and _TOKEN.fullmatch(method) is not None
@@ -171,7 +184,8 @@ def _may_be_request(first: bytes) -> bool:
         raise HandshakeRefusal(line(f"this is the PROXY protocol; {_EXPLANATION}"), "it speaks PROXY")
     if method.upper() in _COMMANDS:
         if _ARGUMENT.match(rest):
-            raise HandshakeRefusal(line(f"this is mail, FTP or IRC; {_EXPLANATION}"), "it speaks mail, FTP or IRC")
+            raise HandshakeRefusal(line(f"this is mail, FTP, IRC or Redis; {_EXPLANATION}"),
+                                   "it speaks mail, FTP, IRC or Redis")
         return _ARGUMENT_SO_FAR.fullmatch(rest) is not None
     if _TOKEN.fullmatch(method) is None:
         return False

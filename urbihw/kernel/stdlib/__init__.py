@@ -82,6 +82,8 @@ MODULES = (
     "server",
     "kernel1",
     "documentation",
+    "signatures",
+    "completions",
     "job_list",
     "server_log",
 )

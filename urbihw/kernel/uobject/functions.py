@@ -119,6 +119,7 @@ def _function(
             log.debug("its traceback", exc_info=error)
             raise errors.primitive(f"{type(error).__name__}: {error}") from error
 
+    run.__urbi_method__ = method  # type: ignore[attr-defined]  # which tells the names of its arguments
     return make_primitive(world, urbi, run, least, most)
 
 

@@ -366,6 +366,12 @@ class ServoRobot(WiredRobot):
         servos = ((number, each) for number, each in self.devices.items() if isinstance(each, ServoMotor))
         return {each.frame.name: f"motor{number}" for number, each in servos if each.frame.name}
 
+    @function("jointOrder")
+    def joint_order(self) -> list[ServoBusDevice]:
+        """The servos in the order of the settings (``[devices]``), the others by their numbers."""
+        order = [*self._named, *sorted(number for number in self.devices if number not in self._named)]
+        return [self.devices[number] for number in order if number in self.devices]
+
     def on_threshold_crossed(self, message: m.ThresholdCrossed) -> None:
         """Also show the torque of a servo that a threshold has released as off."""
         device = self.devices.get(message.device)
