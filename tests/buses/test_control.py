@@ -218,7 +218,7 @@ def test_an_emergency_stop_holds_back_what_moves_and_nothing_else(bench: Control
 def test_an_emergency_stop_is_not_ended_by_a_release_of_the_master_that_came_before_it(bench: ControlBench) -> None:
     bench.order("estop", "one")
     bench.tell(m.Release("the master"))
-    assert bench.order("estop", "two")[0]["estop"] == "two"
+    assert bench.order("estop", "two")[0]["estop"] == "one, then two"
     assert of(m.Refused, bench.move(900, epoch=9))
 
 

@@ -73,8 +73,8 @@ class WiredRobot(RobotHooks, PlatformRobot):
         self.motion = self.guard.motion
         self.channel = DeviceChannel(send, self.motion)
         self.limits = RobotLimits(self, send, self.channel, self.motion, self.log, self)
-        self.report = ProblemReport(self, send, self.log, self.unusable_devices, self.motion.explain_unarmed)
-        self.motion.on_unarmed = self.report.show_unarmed
+        self.report = ProblemReport(self, send, self.log, self.unusable_devices, self.motion.arming.explain)
+        self.motion.arming.on_unarmed = self.report.show_unarmed
         self.arrival = Arrival(
             self, self.guard, self.report, self.device_memory, self.log, self.call_later, self
         )
