@@ -229,7 +229,7 @@ def test_an_emergency_stop_is_not_ended_by_a_release_that_came_at_the_same_momen
     for caller, verb in zip(callers, ("release", "estop"), strict=True):
         caller.say(verb, "two")
     bench.run(0.03)
-    assert bench.order("state")[0]["estop"] == "two"
+    assert bench.order("state")[0]["estop"] == "one, then two"
 
 
 def test_release_lets_it_move_again_but_moves_nothing(bench: ControlBench) -> None:

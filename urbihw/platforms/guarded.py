@@ -126,6 +126,7 @@ class MotionGuard(DevicePart):
         if left and len(left) == len(holders):
             raise ValueError(f"an emergency stop of {names} holds: {hint}")
         self.motion.arming.check_release(holders.keys() - left.keys())
+        frees = bool(self.motion.latched) and not left
         self._order(release)
         if left:
             self.motion.hold(left.values())
@@ -134,7 +135,7 @@ class MotionGuard(DevicePart):
             self.motion.release()
         # An `at` of another client that waits for the release is not ordered by it: so the order comes behind.
         self.estop.sense(bool(left))
-        if not left:
+        if frees:
             self.motion.arming.order_anew()
 
     # ---------------------------------------------------------------- what the robot calls

@@ -7,7 +7,7 @@ mechanisms limit the damage that one program can do to the others:
   hide them.  ``SlotOps.put_slot``, ``SlotOps.remove_slot`` and ``Obj.set_protos`` check this for the few protected
   names.
 - A function that a program has put into a shared object and that holds the interpreter is replaced by the recorded one
-  at once, and at the second time for good (``restore_held``): it would hold up whoever comes upon it.
+  at once, and at the second time for good (``restore_held``), since it would hold up every caller.
 - The prototypes and slots of all shared objects are *recorded*, and so are later changes by the robot's own code.  When
   a connection is opened, slots that were removed or replaced by an implausible value are restored; other redefinitions
   are reported, and ``reset`` restores them too.  Added slots are reported only where they hide a function of the
