@@ -39,6 +39,15 @@ def held_up(process: int | str = "self") -> float | None:
         return None
 
 
+def is_stopped(process: int) -> bool:
+    """Return whether a process is stopped by a signal (SIGSTOP, Ctrl-Z): it does nothing until somebody continues
+    it."""
+    try:
+        return Path(f"/proc/{process}/stat").read_bytes().rpartition(b") ")[2][:1] == b"T"
+    except OSError:
+        return False
+
+
 class Processor:
     """The processor of a worker that shares its process, as in tests.
 
