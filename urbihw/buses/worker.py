@@ -54,7 +54,7 @@ HUNG_TIMEOUT_S = 2.0
 """Seconds of silence after which a worker process is killed; `WorkerHeartbeat` may allow more. Seconds in which it
 waited for a processor do not count (`Silence`)."""
 STOPPED_TIMEOUT_S = 0.4
-"""The same for a worker process that was stopped by a signal: nobody stops the robot then."""
+"""The same for a worker process that was stopped by a signal."""
 START_TIMEOUT_S = 10.0
 """The same until the first word of a process: on a busy machine, or a small one, it takes seconds to start."""
 SPARE_TIMEOUT_S = 1.0
