@@ -183,6 +183,32 @@ def test_stop_stops_and_what_was_asked_for_before_counts_no_more(bench: ControlB
     assert bench.register(GOAL) == 900
 
 
+def test_a_stop_of_a_client_that_connects_in_mid_tick_ends_the_tick(
+    bench: ControlBench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tick, port = bench.engine._driver.tick, bench.engine._link.port
+    assert port is not None
+    seen: list[bool] = []
+
+    def interrupted(now: float, meanwhile: Callable[[], None], urgent: Callable[[], bool]) -> list[m.FromWorker]:
+        if not seen:
+            before = len(port.beside)
+            caller = bench.call()
+            seen.append(urgent())
+            # The wait for the next answer ends when this client says something.
+            assert len(port.beside) == before + 1
+            caller.say("stop")
+            seen.append(urgent())
+        return tick(now, meanwhile, urgent)
+
+    bench.move(900)
+    monkeypatch.setattr(bench.engine._driver, "tick", interrupted)
+    heard = bench.run(0.05)
+    assert seen == [False, True]
+    assert [stop.reason for stop in of(m.Stopped, heard)] == ["stop asked by a test"]
+    assert bench.register(GOAL) == pytest.approx(bench.register("present_position"), abs=3)
+
+
 def test_a_stop_goes_before_targets_that_came_with_it(bench: ControlBench) -> None:
     before = bench.register(GOAL)
     bench.tell(m.Targets({(6, GOAL): 900}), m.Request(1, "write", 6, GOAL, 901))
@@ -218,7 +244,7 @@ def test_an_emergency_stop_holds_back_what_moves_and_nothing_else(bench: Control
 def test_an_emergency_stop_is_not_ended_by_a_release_of_the_master_that_came_before_it(bench: ControlBench) -> None:
     bench.order("estop", "one")
     bench.tell(m.Release("the master"))
-    assert bench.order("estop", "two")[0]["estop"] == "two"
+    assert bench.order("estop", "two")[0]["estop"] == "one, then two"
     assert of(m.Refused, bench.move(900, epoch=9))
 
 
@@ -229,7 +255,7 @@ def test_an_emergency_stop_is_not_ended_by_a_release_that_came_at_the_same_momen
     for caller, verb in zip(callers, ("release", "estop"), strict=True):
         caller.say(verb, "two")
     bench.run(0.03)
-    assert bench.order("state")[0]["estop"] == "two"
+    assert bench.order("state")[0]["estop"] == "one, then two"
 
 
 def test_release_lets_it_move_again_but_moves_nothing(bench: ControlBench) -> None:
@@ -345,8 +371,28 @@ def test_more_users_than_are_kept_share_a_latch(bench: ControlBench) -> None:
     for number in range(MOST_HOLDERS):
         authority.release(f"user {number}")
     assert len(authority.holders) == 1
+    # It is free when all who share it have released it: nobody else, and one of them alone, does not free it.
+    assert authority.release("user 3") == ()
     assert authority.release("user 64") == ()
-    assert authority.release("", everyone=True)
+    assert len(authority.holders) == 1
+    assert authority.release("user 65") == ("user 64, then user 65",)
+    assert not authority.holders
+
+
+def test_the_latch_that_users_share_takes_a_release_of_all_when_nobody_knows_whose_it_is(
+    bench: ControlBench, make_rig: Callable[..., Rig]
+) -> None:
+    authority = bench.engine._authority
+    for number in range(MOST_HOLDERS + 1):
+        authority.latch(f"user {number}", f"user {number}")
+    authority.keep_latches()
+    bench.end()
+    second = ControlBench(make_rig(bench.rig.kit), bench.path)
+    second.run(0.1)
+    assert "user 64" not in second.engine._authority.release("user 64")
+    assert second.engine._authority.latched
+    assert second.engine._authority.release("", everyone=True)
+    second.end()
 
 
 @pytest.mark.parametrize("size", [5000, 100_000])

@@ -67,17 +67,21 @@ def test_what_waited_before_we_were_suspended_counts_no_more() -> None:
     assert silence.hangs(ALLOWED)
 
 
-def test_one_that_was_killed_is_told_with_the_time_that_it_was_silent(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("stopped", "silent"), [(False, "4.0"), (True, "0.4")])
+def test_one_that_was_killed_is_told_with_the_time_that_it_was_silent(
+    monkeypatch: pytest.MonkeyPatch, stopped: bool, silent: str
+) -> None:
     looks = itertools.count(1000)
     monkeypatch.setattr(worker, "time", SimpleNamespace(monotonic=lambda: next(looks) / 10))
     monkeypatch.setattr(worker, "CHECK_PERIOD_S", 0.0)
-    monkeypatch.setattr(worker.Worker, "_allowance", ALLOWED)
     ours, theirs = Pipe()
     told: list[FromWorker] = []
     waited = itertools.count(1)
-    made = worker.Worker("robot", ours, told.append, lambda _: "", theirs.close, lambda: next(waited) / 20)
+    made = worker.Worker(
+        "robot", ours, told.append, lambda _: "", theirs.close, lambda: next(waited) / 20, lambda: stopped, ALLOWED
+    )
     made._reader.join(10.0)
-    assert told[-1] == Ended("the bus worker of robot hung for 4.0 s and was killed")
+    assert told[-1] == Ended(f"the bus worker of robot hung for {silent} s and was killed")
 
 
 def test_a_second_whose_wait_cannot_be_read_tells_none(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -477,7 +477,7 @@ def test_a_worker_cannot_be_started_on_nonsense() -> None:
 def test_an_emergency_stop_is_not_ended_by_a_release_that_was_asked_before_it(bench: Bench) -> None:
     bench.run(0.5)
     bench.tell(m.EmergencyStop("one"), m.Release("one"), m.EmergencyStop("two"))
-    assert of(m.Latched, bench.run(0.1))[-1].reason == "two"
+    assert of(m.Latched, bench.run(0.1))[-1].reason == "one, then two"
     place = bench.rig.kit.servo(6).position
     bench.tell(m.Targets({(6, "goal_position"): 900}, epoch=9))
     bench.run(1.0)

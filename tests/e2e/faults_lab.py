@@ -175,20 +175,21 @@ class Daemon:
 
     def close(self) -> None:
         """End it, whatever state it is in."""
-        workers = {*self.workers, *self._children()}
+        workers = {*self.workers, *self.children()}
         for pid in (self.process.pid, *workers):
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
         self.process.wait(TIMEOUT_S)
         self._log.close()
 
-    def _children(self) -> list[int]:
-        task = Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
+    def children(self) -> list[int]:
+        """The workers of the daemon, and the spare one."""
         found = []
-        with contextlib.suppress(OSError):
-            for child in task.read_text("ascii").split():
-                if b"urbihw.buses." in Path(f"/proc/{child}/cmdline").read_bytes():
-                    found.append(int(child))
+        for task in Path(f"/proc/{self.process.pid}/task").glob("*/children"):  # each thread has its own
+            with contextlib.suppress(OSError):
+                for child in task.read_text("ascii").split():
+                    if b"urbihw.buses." in Path(f"/proc/{child}/cmdline").read_bytes():
+                        found.append(int(child))
         return found
 
 
@@ -374,6 +375,12 @@ def _hold_worker(case: Case) -> None:
     case.signal_worker(signal.SIGCONT)
 
 
+def _hold_worker_and_spare(case: Case) -> None:
+    """What is stopped stays so; another worker is started."""
+    for worker in case.daemon.children():
+        os.kill(worker, signal.SIGSTOP)
+
+
 def _hold_daemon(case: Case) -> None:
     case.daemon.process.send_signal(signal.SIGSTOP)
     time.sleep(3)
@@ -421,6 +428,7 @@ EVENTS = (
     Event("worker killed", _kill_worker),
     Event("two deaths of the worker within 10 s", _kill_worker, before=_lose_a_worker),
     Event("worker held for 5 s", _hold_worker),
+    Event("worker and its spare held", _hold_worker_and_spare),
     Event("daemon killed", lambda case: case.daemon.process.kill()),
     Event("daemon and worker killed", _kill_both),
     Event("daemon held for 3 s", _hold_daemon),

@@ -17,7 +17,7 @@ import pytest
 from urbihw.buses import messages as m
 from urbihw.buses.errors import LinkGone
 from urbihw.buses.messages import FromWorker
-from urbihw.buses.worker import Worker
+from urbihw.buses.worker import SpareWorker, Worker
 from urbihw_fakes.bioloid import Bioloid
 from urbihw_fakes.endpoint import PtyEndpoint
 
@@ -195,3 +195,28 @@ def children() -> list[int]:
     """The workers that this process has started and that still live."""
     pids = Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii").split()
     return [int(pid) for pid in pids if b"urbihw.buses.child" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+
+
+def test_a_worker_that_is_stopped_by_a_signal_is_killed_long_before_one_that_computes(robot: PtyEndpoint) -> None:
+    heard = Heard()
+    worker = Worker.start(robot.url, post=heard.queue.put, settings=m.Configure(options={"protocol": 1}))
+    heard.wait(m.Found)
+    # A request that takes long lets it be silent; but stopped is stopped.
+    worker._allowance = TIMEOUT_S
+    (child,) = children()
+    os.kill(child, signal.SIGSTOP)
+    assert "hung for" in heard.wait(m.Ended).reason
+
+
+def test_a_spare_worker_that_is_stopped_by_a_signal_is_not_taken(robot: PtyEndpoint) -> None:
+    heard = Heard()
+    spare = SpareWorker(robot.url, "servos")
+    os.kill(spare.process.pid, signal.SIGSTOP)
+    os.waitid(os.P_PID, spare.process.pid, os.WSTOPPED | os.WNOWAIT)
+    settings = m.Configure(options={"protocol": 1})
+    with Worker.start(robot.url, post=heard.queue.put, settings=settings, spare=spare) as worker:
+        before: list[FromWorker] = []
+        heard.wait(m.Found, before=before)
+        assert not [message for message in before if isinstance(message, m.WorkerState)]
+        assert worker.alive
+    assert spare.process.returncode == -signal.SIGKILL

@@ -26,6 +26,7 @@ MOTION_ENDS = "this statement had begun"
     [
         ("Bioloid, a joint that swings", "worker killed", RESTART, MOTION_ENDS),
         ("Bioloid, a wheel", "worker held for 5 s", HUNG + RESTART, ""),
+        ("Bioloid, a wheel", "worker and its spare held", RESTART, ""),
         ("Bioloid, a wheel", "client killed", 0.0, ""),
         ("NXT", "daemon held for 3 s", DEAD_MAN, ""),
         ("NXT", "SIGTERM beside `loop\\|{},`", 0.0, "closed"),

@@ -303,3 +303,66 @@ def test_what_a_client_of_a_program_moves_stops_with_the_program(tmp_path: Path,
             else:
                 maker.close()
             wait_for(lambda: end.call(look) < 1, "the wheel to stop")
+
+
+def test_a_client_of_a_program_is_as_old_as_the_program_also_when_it_connects_anew(
+    talk: Talk, peer: socket.socket
+) -> None:
+    scheduler = talk.kernel.scheduler
+
+    def order_of_newcomer() -> int | None:
+        connected: list[tuple[str, int]] = []
+        peer.settimeout(0.0)
+
+        def accepted() -> bool:
+            with contextlib.suppress(BlockingIOError):
+                end, address = peer.accept()
+                connected.append(address)
+                end.close()
+            return bool(connected)
+
+        talk.until(accepted)
+        newcomer = talk.kernel.open_lobby("127.0.0.1")
+        newcomer.find_maker(connected[0])
+        return newcomer.ordered
+
+    connect = f"{{ var s = Socket.new; s.{dial(peer)}; sleep(1h) }}"
+    other = talk.kernel.open_lobby("127.0.0.1")
+    talk.lobby.feed(f"sleep(0.1s); {connect};".encode())
+    talk.kernel.run()
+    era = scheduler.begin_era()
+    assert order_of_newcomer() == era - 1
+    other.feed(f"{connect};".encode())
+    assert order_of_newcomer() == era
+    talk.kernel.host.run(f"sleep(0.1s); {connect};", "begun.u")
+    talk.kernel.run()
+    scheduler.begin_era()
+    assert order_of_newcomer() == era
+    assert talk.kernel.open_lobby("127.0.0.1").ordered is None
+
+
+AGAIN = (
+    'for (var i : 100) { try { var s = Socket.new; s.connect("127.0.0.1", PORT); sleep(0.1s);'
+    ' s.write("motor7.cwLimit = 0|; motor7.ccwLimit = 0|; motor7.speed = 2;\n"); sleep(0.1s); s.disconnect }'
+    " catch {} };"
+)
+"""A program that lets clients of its own turn a wheel, one after the other."""
+
+
+def test_a_socket_that_connects_to_the_server_after_a_release_moves_nothing(tmp_path: Path) -> None:
+    (rig,) = (rig for rig in RIGS if rig.name == "Bioloid, a wheel")
+    end, look = rig.make()
+    with end:
+        end.start()
+        daemon = Daemon(tmp_path, "bioloid", end.url)
+        with contextlib.closing(daemon), contextlib.closing(Client(daemon.port)) as maker:
+            maker.say(AGAIN.replace("PORT", str(daemon.port)).encode())
+            wait_for(lambda: end.call(look) > 60, "the wheel to turn")
+            daemon.order(do="estop", who="test")
+            wait_for(lambda: end.call(look) < 1, "the wheel to stop")
+            time.sleep(0.5)
+            daemon.order(do="release", who="test")
+            before = daemon.log().count("want to move")
+            wait_for(lambda: daemon.log().count("want to move") > before, "another try")
+            time.sleep(0.5)
+            assert end.call(look) < 1

@@ -152,7 +152,11 @@ def test_limits_that_are_taken_away_limit_no_more(serve: Serve, tmp_path: Path) 
     daemon.wait()
     assert daemon.ask(WRITE).endswith('"limits.motor6.position"\n')
     daemon.config.write_text("rate = 50\n")
-    daemon.reload()
+    (line,) = daemon.reload()
+    assert "robot.toml: has no [limits], unlike the settings in force" in line
+    daemon.config.write_text("rate = 50\n[limits]\n")
+    told = "urbihw: limits removed or raised by the settings: limits.motor6.position [-0.5, 0.5] -> none"
+    assert daemon.reload(2) == [told, "urbihw: settings read again"]
     assert daemon.ask(WRITE_FREELY).endswith('[true, ""]\n')
 
 

@@ -155,10 +155,13 @@ def test_a_client_that_a_program_makes_belongs_to_who_runs_the_program(kernel: K
     client.on_quit = lambda: ended.append("client")
     lobby.holdings.register(Thing(), "sockets", 2, lambda: ADDRESS)
     other.holdings.register(Thing(), "sockets", 2, lambda: ("127.0.0.1", 40_001))
+    kernel.scheduler.begin_era()
     client.find_maker(ADDRESS)
     later.find_maker(("127.0.0.2", 40_000))
     client.holdings.register(Thing(), "sockets", 2)
     assert (client.maker, later.maker) == (lobby, None)
+    # It is as old as the program that has opened the Socket, not as the connection.
+    assert (client.ordered, later.ordered) == (0, None)
     with refused("too many sockets"):
         client.holdings.register(Thing(), "sockets", 2)
     end(kernel, lobby)

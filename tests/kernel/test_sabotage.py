@@ -6,6 +6,7 @@ from __future__ import annotations
 import itertools
 import logging
 import re
+import traceback
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -459,8 +460,48 @@ def test_a_function_that_held_everybody_up_while_printing_is_put_back(fresh: Sta
     fresh.say(fresh.saboteur, "Float.asString = function () { hold }|; String.asString = function () { size.hold }|;")
     said = fresh.say(fresh.innocent, "echo(1); echo(1); 5;")
     assert ": held the interpreter" in said[1]
-    assert said[0] == "[] *** urbihw: put back in the library, since printing took too long: Float.asString"
+    assert said[0] == "[] *** urbihw: put back in the library, since it held the interpreter: Float.asString"
     assert said[-2:] == ["[] *** 1", "[] 5"]
+
+
+HELD = {
+    "Float.asString": "function () { hold }|; try { echo(1) } catch {}",
+    "Float.'<'": "function (b) { hold }|; try { echo(2 < 1) } catch {}",
+    "String.'=='": 'function (b) { hold }|; try { echo("a" == "b") } catch {}',
+    "Float.uid": "function () { hold }|; try { 1.uid } catch {}",
+    "List.asString": "function () { hold }|; try { echo([1]) } catch {}",
+}
+"""Library functions, with what takes their place in one connection, and what comes upon it in another one."""
+
+
+@pytest.mark.parametrize("name", HELD)
+def test_what_held_the_interpreter_in_the_place_of_a_library_function_is_gone_at_once(fresh: Stage, name: str) -> None:
+    blamed = []
+
+    def hold(this: Any) -> Any:
+        blamed.append(fresh.world.record.is_replaced({frame.f_code for frame, _ in traceback.walk_stack(None)}))
+        raise HeldTooLong("held the interpreter")
+
+    fresh.world.ops.put_slot(fresh.world.object, "hold", make_primitive(fresh.world, "hold", hold, 0, 0))
+    (body, _, use), plain = HELD[name].partition("|; "), name.replace("'", "")
+    for _ in range(2):
+        assert fresh.say(fresh.saboteur, f"{name} = {body}|;") == []
+        told = fresh.say(fresh.innocent, f"{use};")
+        (line,) = told
+        assert line == f"[] *** urbihw: put back in the library, since it held the interpreter: {plain}"
+        fresh.say(fresh.innocent, f"{use};")
+    # Who came upon it is not to blame; and there is no third time.
+    assert blamed == [True, True]
+    assert "cannot modify const slot" in fresh.say(fresh.saboteur, f"{name} = {body}|;")[0]
+
+
+def test_a_program_that_holds_the_interpreter_itself_loses_none_of_its_functions(fresh: Stage) -> None:
+    def hold(this: Any) -> Any:
+        raise HeldTooLong("held the interpreter")
+
+    fresh.world.ops.put_slot(fresh.world.object, "hold", make_primitive(fresh.world, "hold", hold, 0, 0))
+    fresh.say(fresh.saboteur, "function Global.mine() { hold }|; Float.asString = function () { \"f\" }|; mine;")
+    assert fresh.say(fresh.innocent, "try { mine } catch { echo(2) };") == ["[] *** f"]
 
 
 def test_what_the_robots_own_code_changes_is_no_change(fresh: Stage) -> None:

@@ -334,3 +334,22 @@ def test_what_makes_no_sense_is_refused_in_words(table: dict[str, object], words
 def test_a_device_that_is_not_there_is_named(caplog: pytest.LogCaptureFixture) -> None:
     Bioloid.ready(limits={"motor66": {"speed": 1.0}})
     assert "limits.motor66: there is no such device; there are: motor1," in caplog.text
+
+
+def test_a_reload_that_removes_or_raises_limits_says_so(caplog: pytest.LogCaptureFixture) -> None:
+    joint = {"position": [-0.5, 0.5], "speed": 0.5}
+    lab = Bioloid.ready(limits={"speed": 1.0, "motor6": joint, "motor7": {"torque": 1}})
+    for limits, told in (
+        ({"speed": 1.0, "motor6": {"position": [-0.4, 0.4], "speed": 0.5}, "motor7": {"torque": 0.9}}, ""),
+        ({"speed": 1.0, "motor6": {"position": [-0.4, 0.6]}, "motor7": {"torque": 0.9}},
+         "limits.motor6.position [-0.4, 0.4] -> [-0.4, 0.6]; limits.motor6.speed 0.5 -> 1"),
+        ({}, "limits.speed 1 -> none; limits.motor6.position [-0.4, 0.6] -> none; limits.motor7.torque 0.9 -> none"),
+        ({"speed": 2.0}, ""),
+    ):  # fmt: skip
+        caplog.clear()
+        reload(lab, limits)
+        line = f"limits removed or raised by the settings: {told}" if told else ""
+        assert [each.message for each in caplog.records if "limits" in each.message] == ([line] if told else [])
+        assert lab.look("robot.problems") == (f'["{line}"]' if told else "[]")
+    reload(lab, {})
+    assert "limits.speed 2 -> none" in lab.look("robot.problems")

@@ -15,13 +15,14 @@ from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Final
 
+from urbihw.buses.latches import MOST, UNKNOWN, plain_name, pressed, released
+
 STALE: Final = "the robot was stopped after this was asked for"
-_MOST: Final = 200
 MOST_HOLDERS: Final = 64
 """Users who may have a latch of their own; those after them share one."""
-UNKNOWN: Final = ""
-"""The user of a latch that anybody may release, since its owner is unknown."""
 _OTHERS: Final = "others"
+_MOST_SHARING: Final = 1000
+"""Users who share a latch and can release it; what those after them have pressed takes a release of all."""
 _ABSENT: Final = frozenset({errno.ENOENT, errno.ENOTDIR, errno.ENAMETOOLONG})
 """Failures to open a file that cannot be there."""
 
@@ -40,6 +41,7 @@ class MotionAuthority:
         """``file`` stores the latches; with None they end with this worker.  ``holders`` hold the robot already."""
         self.epoch = epoch
         self._file = file
+        self._sharing: set[str] = set()
         self.unreadable = self.unkept = ""
         kept = self._read_latches()
         self.holders = kept | dict(holders)
@@ -58,9 +60,12 @@ class MotionAuthority:
 
     def latch(self, who: str, user: str = UNKNOWN) -> None:
         """Refuse all motion until the release of this user; ``keep_latches`` writes the file, after the stop."""
+        user = plain_name(user)
         if user not in self.holders and len(self.holders) >= MOST_HOLDERS:
+            if len(self._sharing) < _MOST_SHARING:
+                self._sharing.add(user)
             user = _OTHERS
-        self.holders[plain_name(user)] = plain_name(who) or "emergency stop"
+        self.holders = pressed(self.holders, who, user)
 
     def keep_latches(self) -> str:
         """Write the latches to their file, or remove it if there are none; return why that was not possible, or "".
@@ -99,14 +104,16 @@ class MotionAuthority:
         """Release the latch of a user, and those of others, by user or name, or all; ``keep_latches`` comes next.
 
         Returns the names of those whose latches it was; none if somebody else holds the robot, or if none of the others
-        does: a mistyped name releases nothing.
+        does.  The latch that users share is free when all of them have released it.
         """
-        own = (UNKNOWN, plain_name(user))
-        theirs = [each for each, who in self.holders.items() if each in others or who in others]
-        if others and not theirs and not everyone:
-            return ()
-        freed = [each for each in self.holders if everyone or each in own or each in theirs]
-        return tuple(self.holders.pop(each) for each in freed)
+        before, self.holders = self.holders, released(self.holders, user, others, everyone)
+        if plain_name(user) in self._sharing:
+            self._sharing.remove(plain_name(user))
+            if not self._sharing:
+                self.holders.pop(_OTHERS, None)
+        if _OTHERS not in self.holders:
+            self._sharing.clear()
+        return tuple(who for each, who in before.items() if each not in self.holders)
 
     def refusal(self, epoch: int) -> str:
         """Return why a write of this epoch may not move the robot, "" if it may."""
@@ -121,7 +128,7 @@ class MotionAuthority:
         try:
             # Never blocking: it may be a pipe.
             with os.fdopen(os.open(self._file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
-                data = file.read(8 * _MOST * MOST_HOLDERS) or b""
+                data = file.read(8 * MOST * MOST_HOLDERS) or b""
         except OSError as error:
             if error.errno in _ABSENT:
                 return {}
@@ -138,12 +145,6 @@ class MotionAuthority:
 
     def _explain_unreadable(self, why: str) -> str:
         return f"{self._file} cannot be read ({why}): an emergency stop holds, release it"
-
-
-def plain_name(text: str, most: int = _MOST) -> str:
-    """A name or user for one line of a log, a terminal and a file: ``most`` characters, all of them printable."""
-    short = " ".join(text[: 4 * most].split())[:most]
-    return "".join(each if each.isprintable() else "?" for each in short)
 
 
 def _remove(file: Path) -> None:

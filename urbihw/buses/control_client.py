@@ -18,7 +18,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from urbihw.buses.authority import plain_name
+from urbihw.buses.latches import plain_name
 from urbihw.buses.messages import Release
 from urbihw.control_address import local_user
 

@@ -100,6 +100,7 @@ class Engine:
         self._authority = MotionAuthority(
             begin.epoch, control.with_suffix(".estop") if control is not None else None, begin.holders
         )
+        self._order = begin.order
         self._gate = Gate(driver, self._authority)
         self._inventory = Inventory(begin.settings.expected)
         self._traffic = TrafficLog(url, self._clock)
@@ -266,6 +267,7 @@ class Engine:
             if isinstance(message, Stop):
                 self._stop_robot(message.reason, message.epoch)
             elif isinstance(message, EmergencyStop):
+                self._order = max(self._order, message.order)
                 self._emergency_stop(message.who, message.user)
             else:
                 if message.verb == ESTOP:
@@ -286,6 +288,7 @@ class Engine:
             case Stop():
                 self._stop_devices(message)
             case Release():
+                self._order = max(self._order, message.order)
                 self._release(message)
             case Limits():
                 self._execute_threshold_actions(self._gate.set_limits(message, now))
@@ -362,6 +365,8 @@ class Engine:
         freed = self._authority.release(release.user, release.others, release.everyone)
         if freed:
             self._keep_latches(release.who, freed)
+        elif release.order:
+            self._reports.post([self._latched()])
         return bool(freed) or not held
 
     def _keep_latches(self, who: str, freed: tuple[str, ...] = ()) -> None:
@@ -371,7 +376,8 @@ class Engine:
             self._reports.post([Refused("emergency stop", "latch", problem)])
 
     def _latched(self, who: str = "", freed: tuple[str, ...] = ()) -> Latched:
-        return Latched(self._authority.latched, who, tuple(self._authority.holders.items()), freed)
+        order = max(self._order, self._inbox.dropped_order)
+        return Latched(self._authority.latched, who, tuple(self._authority.holders.items()), freed, order)
 
     def _execute_commands(self) -> None:
         """Execute the commands of the control socket other than stops."""

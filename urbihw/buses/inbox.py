@@ -25,6 +25,7 @@ class Inbox:
         messages: the other messages of the parent.
         commands: the other commands of the control socket.
         heard_at: when a message of the parent was last read, in seconds of the worker's clock.
+        dropped_order: the number of the last release of the parent that was dropped (``Latched.order``).
     """
 
     def __init__(
@@ -34,6 +35,7 @@ class Inbox:
         self.messages: deque[ToWorker] = deque()
         self.commands: deque[ControlCommand] = deque()
         self.heard_at = self._excused_at = clock.now()
+        self.dropped_order = 0
         self._longest_silence = (0.0, 0.0)
         self._mailbox = mailbox
         self._control = control
@@ -101,6 +103,8 @@ class Inbox:
             (self.urgent if command.verb in (STOP, ESTOP) else self.commands).append(command)
 
     def _drop_releases(self) -> None:
+        dropped = [message for message in self.messages if isinstance(message, Release)]
+        self.dropped_order = max((self.dropped_order, *(message.order for message in dropped)))
         self.messages = deque(message for message in self.messages if not isinstance(message, Release))
         for command in [command for command in self.commands if command.verb == RELEASE]:
             self.commands.remove(command)

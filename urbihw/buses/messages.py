@@ -95,24 +95,27 @@ class EmergencyStop:
     """Stop the robot now, and refuse all motion until `Release`.
 
     `who` asked for it, in words.  `user` is whose stop it is, whatever connection is used; with "" anybody may release
-    it.
+    it.  `order` is the number of the order among those of the parent (`Latched.order`).
     """
 
     who: str
     user: str = ""
+    order: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class Release:
     """End the emergency stop of a `user`, and those of the users or names in `others`, or all of them (`everyone`).
 
-    The robot is free when no stop holds any more; this by itself moves nothing. `who` asked for it.
+    The robot is free when no stop holds any more; this by itself moves nothing. `who` asked for it. `order`: as
+    `EmergencyStop.order`.
     """
 
     who: str
     user: str = ""
     others: tuple[str, ...] = ()
     everyone: bool = False
+    order: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,6 +241,7 @@ class Begin:
         watches: the watches from the first tick on.
         restarts: how many workers it has replaced.
         holders: who held the robot by emergency stops when the last worker ended: users and names.
+        order: the number of the parent's last order (`Latched.order`): those before it are over.
     """
 
     settings: Configure
@@ -248,6 +252,7 @@ class Begin:
     watches: tuple[Watch, ...] = ()
     restarts: int = 0
     holders: tuple[tuple[str, str], ...] = ()
+    order: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -401,16 +406,21 @@ class Stopped:
 class Latched:
     """Who holds the robot by an emergency stop from now on, in words; `reason` "": the robot is free.
 
+    It answers each order of the parent, and tells each stop and release of others. One that was posted before the
+    worker has got the last order of the parent is older than that order: `order` tells it.
+
     Attributes:
-        who: who asked for this stop or release.
+        who: who asked for this stop or release; "" if it changes nothing.
         holders: users and names of those who hold it.
         freed: names of those whose stops `who` has released.
+        order: the number of the last `EmergencyStop` or `Release` of the parent that was executed.
     """
 
     reason: str
     who: str = ""
     holders: tuple[tuple[str, str], ...] = ()
     freed: tuple[str, ...] = ()
+    order: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -48,6 +48,15 @@ def _scheduled(process: int | str, column: int) -> float | None:
         return None
 
 
+def is_stopped(process: int) -> bool:
+    """Return whether a process is stopped by a signal (SIGSTOP, Ctrl-Z): it does nothing until somebody continues
+    it."""
+    try:
+        return Path(f"/proc/{process}/stat").read_bytes().rpartition(b") ")[2][:1] == b"T"
+    except OSError:
+        return False
+
+
 class Processor:
     """The processor of a worker that shares its process, as in tests.
 

@@ -22,6 +22,7 @@ from typing import Any, Final
 from urbihw.backoff import BackOff
 from urbihw.buses.driver import driver_of
 from urbihw.buses.errors import BusError, LinkGone
+from urbihw.buses.latches import pressed
 from urbihw.buses.messages import (
     Begin,
     Configure,
@@ -33,6 +34,7 @@ from urbihw.buses.messages import (
     Latched,
     Limits,
     LinkState,
+    Release,
     Reply,
     Request,
     Stop,
@@ -70,6 +72,7 @@ class Supervisor:
         self._limits: Limits | None = None
         self._epoch = begin.epoch
         self._holders: dict[str, str] = {}
+        self._order = 0
         self._backlog: deque[ToWorker] = deque()
         self._link_up = False
         self._found = Found(())
@@ -151,8 +154,11 @@ class Supervisor:
             case Limits():
                 self._limits = message
             case EmergencyStop():
-                # Whether a release is granted, the worker tells.
-                self._holders[message.user] = message.who
+                self._order = message.order
+                self._holders = pressed(self._holders, message.who, message.user)
+            case Release():
+                # Whether it is granted, the worker tells.
+                self._order = message.order
             case Configure():
                 self._begin = replace(self._begin, settings=message)
             case Targets() | Stop():
@@ -249,6 +255,7 @@ class Supervisor:
                 instead=reason,
                 watches=self._all_watches(),
                 holders=tuple(self._holders.items()),
+                order=self._order,
             )
             self._worker = Worker.start(
                 self._url, post=self._handle_message, begin=begin, family=self._family, spare=self._take_spare()

@@ -45,7 +45,7 @@ from urbihw.buses.errors import BadValue, LinkGone
 from urbihw.buses.link import Context, Url
 from urbihw.buses.mailbox import Joiner, Mailbox
 from urbihw.buses.messages import Begin, Configure, Ended, FromWorker, ToWorker, WorkerHeartbeat, WorkerState
-from urbihw.buses.processor import held_up
+from urbihw.buses.processor import held_up, is_stopped
 from urbihw.buses.silence import CHECK_PERIOD_S, Silence
 
 Post = Callable[[FromWorker], None]
@@ -53,8 +53,12 @@ Post = Callable[[FromWorker], None]
 HUNG_TIMEOUT_S = 2.0
 """Seconds of silence after which a worker process is killed; `WorkerHeartbeat` may allow more. Seconds in which it
 waited for a processor do not count (`Silence`)."""
+STOPPED_TIMEOUT_S = 0.4
+"""The same for a worker process that was stopped by a signal."""
 START_TIMEOUT_S = 10.0
 """The same until the first word of a process: on a busy machine, or a small one, it takes seconds to start."""
+SPARE_TIMEOUT_S = 1.0
+"""The same for a spare worker, which has only to begin."""
 _SEND_TIMEOUT_S = 0.005
 """Seconds to wait for room in the pipe to a worker that does not read."""
 
@@ -72,6 +76,11 @@ class SpareWorker:
     def __init__(self, url: str, family: str) -> None:
         """Raises OSError when no process can be started."""
         self.process, self.pipe = _start_child("urbihw.buses.spare", url, family)
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether the process can begin; one that was stopped by a signal cannot."""
+        return self.process.poll() is None and not is_stopped(self.process.pid)
 
     def close(self) -> None:
         """End the process, which has touched nothing; calling it twice is fine."""
@@ -108,6 +117,8 @@ class Worker:
         join: Callable[[float], str | None],
         kill: Callable[[], None] = lambda: None,
         held_up: Callable[[], float | None] = lambda: None,
+        is_stopped: Callable[[], bool] = lambda: False,
+        allowance: float = START_TIMEOUT_S,
     ) -> None:
         self._url = url
         self._pipe = pipe
@@ -115,6 +126,9 @@ class Worker:
         self._join = join
         self._kill = kill
         self._held_up = held_up
+        self._is_stopped = is_stopped
+        self._allowance = allowance
+        """Seconds in which the worker is to be heard of again."""
         self._silent = False
         self.killed = False
         self._killed_after = 0.0
@@ -141,7 +155,7 @@ class Worker:
         `post` is called in a thread of this handle. `process`: give it a process of its own, as the daemon does;
         otherwise it runs in a thread, and only then may `context` bring a clock and pipes.
         `begin` says more than `settings` alone, and is taken instead of them.
-        `spare` becomes the process, if it still lives.
+        `spare` becomes the process, if it is usable.
         A port that cannot be opened is no error here: LinkState says why, and the worker keeps trying.
         Raises BadUrl for a url without sense, BadSetting and BadValue for settings, BadValue for an unknown family
         or a context with a process.
@@ -171,6 +185,9 @@ class Worker:
 
     @classmethod
     def _start_process(cls, url: str, post: Post, begin: Begin, family: str, spare: SpareWorker | None) -> Worker:
+        if spare is not None and not spare.is_usable:
+            spare.close()
+            spare = None
         if spare is None:
             process, mine = _start_child("urbihw.buses.child", url, family)
         else:
@@ -192,7 +209,10 @@ class Worker:
                 return f"the bus worker of {url} hung and was killed"
             return "" if status == 0 else f"the bus worker of {url} {_exit_words(status)}"
 
-        return cls(url, mine, post, join, process.kill, lambda: held_up(process.pid))
+        number, allowance = process.pid, START_TIMEOUT_S if spare is None else SPARE_TIMEOUT_S
+        return cls(
+            url, mine, post, join, process.kill, lambda: held_up(number), lambda: is_stopped(number), allowance
+        )
 
     @property
     def alive(self) -> bool:
@@ -279,9 +299,6 @@ class Worker:
             ended = Ended(reason or f"the bus worker of {self._url} ended without a message")
         self._post(ended)
 
-    _allowance = START_TIMEOUT_S
-    """Seconds in which the worker is to be heard of again."""
-
     def _longest_silence(self) -> float:
         """Seconds without a word after which the worker is killed."""
         return max(self._allowance, HUNG_TIMEOUT_S)
@@ -294,7 +311,8 @@ class Worker:
             if silence.lasted >= self._allowance and not self._silent:
                 self._silent = True
                 self._post(WorkerState(f"the bus worker of {self._url} has not answered for {silence.lasted:.1f} s"))
-            if silence.hangs(self._longest_silence()) and not self.killed:
+            is_stopped = silence.lasted >= STOPPED_TIMEOUT_S and self._is_stopped()
+            if (is_stopped or silence.hangs(self._longest_silence())) and not self.killed:
                 self.killed, self._killed_after = True, silence.lasted
                 self._kill()
         if self._silent and not self.killed:

@@ -13,7 +13,7 @@ from typing import Any
 
 from urbihw.cli.logs import LineFormatter, make_handler
 from urbihw.cli.options import port
-from urbihw.daemon.config import Config, configure
+from urbihw.daemon.config import Config, Loaded, load_faultless
 from urbihw.daemon.journal import journal_handler
 from urbihw.daemon.notify import ServiceNotifier
 from urbihw.daemon.service import DaemonService, StartError
@@ -47,10 +47,10 @@ def flags(options: argparse.Namespace) -> dict[str, Any]:
     return {name: getattr(options, name) for name in Config.rules() if hasattr(options, name)}
 
 
-def config(options: argparse.Namespace) -> Config:
+def load_settings(options: argparse.Namespace) -> Loaded:
     """The settings that the options ask for.  Raises BadConfig."""
-    made = configure(options.config, flags(options))
-    if not made.platform:
+    made = load_faultless(options.config, flags(options))
+    if not made.config.platform:
         raise BadConfig(f"which robot? Give --platform NAME ({as_typed('urbihw platforms')} lists them)")
     return made
 
@@ -58,10 +58,10 @@ def config(options: argparse.Namespace) -> Config:
 def run(options: argparse.Namespace) -> int:
     """Serve until the process is told to stop."""
     try:
-        settings = config(options)
+        settings = load_settings(options).config
         logging.basicConfig(handlers=[_log_handler()], level=settings.log_level.upper())
         with ServiceNotifier.from_environment(os.environ) as notifier:
-            return asyncio.run(_serve(DaemonService(settings, notifier, lambda: config(options))))
+            return asyncio.run(_serve(DaemonService(settings, notifier, lambda: load_settings(options))))
     except (StartError, BadConfig) as error:
         print("urbihw: " + "\n".join(map(escape_unprintable, str(error).split("\n"))), file=sys.stderr)
         return EX_CONFIG

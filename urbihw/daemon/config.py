@@ -229,10 +229,15 @@ def configure(file: Path | None = None, flags: Mapping[str, Any] | None = None) 
 
     Raises BadConfig for the first mistake.
     """
+    return load_faultless(file, flags).config
+
+
+def load_faultless(file: Path | None = None, flags: Mapping[str, Any] | None = None) -> Loaded:
+    """Load the settings like ``configure``, with the source of each setting."""
     loaded = load(file, flags)
     if loaded.mistakes:
         raise BadConfig(loaded.mistakes[0].line)
-    return loaded.config
+    return loaded
 
 
 def load(file: Path | None = None, flags: Mapping[str, Any] | None = None) -> Loaded:

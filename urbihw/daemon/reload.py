@@ -11,7 +11,8 @@ import logging
 from collections.abc import Callable, Collection
 from typing import Final
 
-from urbihw.daemon.config import Config
+from urbihw.daemon.config import Config, Loaded
+from urbihw.kernel.uobject import BadConfig
 
 log = logging.getLogger("urbihw.daemon")
 
@@ -22,6 +23,24 @@ LIVE_SETTINGS: Final = frozenset(
 )
 """The settings that change at once.  Those ``options`` that matter for finding the robot take effect when it is found
 again."""
+ROBOT_TABLES: Final = ("limits", "options", "devices")
+"""The tables about the robot itself."""
+
+
+def check_whole(served: Config, read: Loaded) -> None:
+    """Raise BadConfig for a file that lacks as a whole what is in force: an editor may be writing it just now.
+
+    What is to be gone must be said: by an empty table.
+    """
+    if read.file and not read.in_file and read.config != served:
+        raise BadConfig(f"{read.file}: is empty: read it again when it is written (no limits are a bare [limits])")
+    there = {*read.in_file, *read.flags}
+    lost = [f"[{table}]" for table in ROBOT_TABLES if getattr(served, table) and table not in there]
+    if lost:
+        raise BadConfig(
+            f"{read.file}: has no {' and no '.join(lost)}, unlike the settings in force: read it again when it is "
+            f"written, or write {' and '.join(lost)} without rows"
+        )
 
 
 def restart_settings(served: Config, read: Config) -> Collection[str]:

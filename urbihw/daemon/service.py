@@ -25,14 +25,14 @@ from urbihw.buses.errors import BadUrl
 from urbihw.buses.link import serial_path
 from urbihw.daemon.access_policy import AccessPolicy, access_policy
 from urbihw.daemon.activation import passed_sockets
-from urbihw.daemon.config import Config
+from urbihw.daemon.config import Config, Loaded
 from urbihw.daemon.dead_sockets import remove_dead_sockets
 from urbihw.daemon.fake import SCENE_WORD, Fake, FakeConsole, FakeScene
 from urbihw.daemon.files import read_regular
 from urbihw.daemon.holders import holder_of_file, holder_of_port
 from urbihw.daemon.notify import ServiceNotifier
 from urbihw.daemon.observers import END_TIMEOUT_S, Observers
-from urbihw.daemon.reload import Reloader, restart_settings
+from urbihw.daemon.reload import Reloader, check_whole, restart_settings
 from urbihw.daemon.runtime import client_path, control_path, runtime_folder
 from urbihw.daemon.state import motions_folder, robots_folder
 from urbihw.kernel.process import KernelProcess, resolver
@@ -72,12 +72,13 @@ class DaemonService:
     """``await Service(config).run()`` serves until SIGTERM, SIGINT or ``stop()``; the result is the exit code."""
 
     def __init__(
-        self, config: Config, notifier: ServiceNotifier | None = None, reread: Callable[[], Config] | None = None
+        self, config: Config, notifier: ServiceNotifier | None = None, reread: Callable[[], Loaded] | None = None
     ) -> None:
         """``notifier`` reports to the service manager; ``reread`` loads the settings again, for SIGHUP."""
         self._config = config
         self._notifier = notifier if notifier is not None else ServiceNotifier()
         self._reread = reread
+        self._in_force = config
         self._process: KernelProcess
         self._robot: PlatformRobot | None = None
         self._robot_url = ""
@@ -124,14 +125,17 @@ class DaemonService:
             return
         self._notifier.reloading()
         try:
-            config = self._reread()
+            read = self._reread()
+            config = read.config
             if config.platform != self._config.platform:
                 raise BadConfig(f"platform: {self._config.platform} is served; for another one start urbihw anew")
+            check_whole(self._in_force, read)
             self._robot.configure(_robot_settings(config, self._robot_url))
             self._process.set_hold_limit(config.hold_limit)
         except BadConfig as error:
             log.error("settings stay as they were: %s", error)
         else:
+            self._in_force = config
             later = restart_settings(self._config, config)
             log.info("settings read again%s", f"; with the next start: {', '.join(later)}" if later else "")
         for problem in self._access_policy.problems():

@@ -73,8 +73,10 @@ class WiredRobot(RobotHooks, PlatformRobot):
         self.motion = self.guard.motion
         self.channel = DeviceChannel(send, self.motion)
         self.limits = RobotLimits(self, send, self.channel, self.motion, self.log, self)
-        self.report = ProblemReport(self, send, self.log, self.unusable_devices, self.motion.explain_unarmed)
-        self.motion.on_unarmed = self.report.show_unarmed
+        self.report = ProblemReport(
+            self, send, self.log, self.call_later, self.unusable_devices, self.motion.arming.explain
+        )
+        self.motion.arming.on_unarmed = self.report.show_unarmed
         self.arrival = Arrival(
             self, self.guard, self.report, self.device_memory, self.log, self.call_later, self
         )
@@ -99,9 +101,10 @@ class WiredRobot(RobotHooks, PlatformRobot):
         limits = LimitSettings.of(settings.limits)
         self.worker.check(settings)
         self.guard.configure(settings)
-        self.limits.settings = limits
+        looser = self.limits.take(limits)
         self.worker.configure(settings, self.expected)
         self.limits.send()
+        self.report.show_looser(looser)
 
     def close(self) -> None:
         """Stop the robot, end the worker, and destroy the objects."""
@@ -176,6 +179,7 @@ class WiredRobot(RobotHooks, PlatformRobot):
     def _handle_message(self, message: m.FromWorker) -> None:
         if not isinstance(message, m.WorkerState | m.Ended):
             self.worker.heard()
+            self.report.show_worker("")
         match message:
             case m.Samples():
                 self._handle_samples(message)
@@ -245,6 +249,7 @@ class WiredRobot(RobotHooks, PlatformRobot):
         if not message.reason:
             self.log.warning("the bus worker answers again")
             return
+        self.report.show_worker(f"{message.reason}: if the robot moves now, cut its power")
         self.guard.end_motion(message.reason)
         self.channel.fail_pending(message.reason)
         if not self.arrival.is_up():

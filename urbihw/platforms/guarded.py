@@ -16,6 +16,7 @@ from urbihw.control_address import local_user
 from urbihw.kernel.uobject import DevicePart, Motion, Origin, RobotSettings, UObject, event, function, owned, reading
 from urbihw.platforms.devicelog import DeviceLog
 from urbihw.platforms.hooks import RobotHooks
+from urbihw.platforms.latches import LatchOrder, LatchView
 
 SAME_STOP_S: Final = 0.05
 """Seconds within which a second stop, with no motion since, counts as the same one: no person is so quick."""
@@ -41,6 +42,7 @@ class MotionGuard(DevicePart):
         super().__init__(device)
         self._name, self._send, self._log, self._hooks = name, send, log, hooks
         self.motion = Motion(self.host, name, self._stop_left_devices)
+        self._latches = LatchView()
         self._resume = True
         self._standstills = 0
         self._stop_asked_at = -math.inf
@@ -56,7 +58,7 @@ class MotionGuard(DevicePart):
     @function
     def rearm(self) -> None:
         """Let programs that began before the release of an emergency stop move the robot again, if they still run."""
-        self.motion.rearm()
+        self.motion.arming.rearm()
 
     @function("checkMotion")
     def check_motion(self) -> None:
@@ -76,57 +78,65 @@ class MotionGuard(DevicePart):
     @function("estopHolders")
     def estop_holders(self) -> list[str]:
         """The names of those whose emergency stops hold the robot."""
-        return list(self.motion.holders.values())
+        return list(self._latches.holders.values())
 
     @function("releaseOf")
     def release_of(self, name: str) -> None:
         """Release the emergency stop of somebody else, by the name that ``estopHolders`` tells, and one's own."""
-        if name not in self.motion.holders.values():
-            held = ", ".join(self.motion.holders.values())
+        if name not in self._latches.holders.values():
+            held = ", ".join(self._latches.holders.values())
             raise ValueError(f"{name} does not hold {self._name}" + (f"; it is held by {held}" if held else ""))
-        mine = self._holder()
-        self._release(lambda user, who: who == name or user in ("", mine), (name,))
+        self._release((name,))
 
     def _set_estop(self) -> None:
         if not isinstance(self.estop.value, bool):
             raise ValueError("this slot takes true or false")
         if not self.estop.value:
-            mine = self._holder()
-            self._release(lambda user, who: user in ("", mine))
+            self._release()
             return
-        who = str(self.motion.origin())
-        self.end_motion(f"emergency stop by {who}")
+        origin, mine = self.motion.origin(), self._holder()
+        self.end_motion(f"emergency stop by {origin}")
+        self.motion.arming.press(mine, origin.lobby)
         self.motion.renew()
-        # Messages to the worker keep their order, so the latch takes effect here at once.
-        self.motion.hold(self.motion.holders | {self._holder(): who})
-        self._send(m.EmergencyStop(who, self._holder()))
+        self._order(m.EmergencyStop(str(origin), mine, self._latches.next_number()))
+        self.motion.hold(self._latches.holders.values())
         self.estop.sense(True)
 
     def _holder(self) -> str:
         """Whose emergency stop the running statement presses or releases."""
         return self.motion.person() or local_user(os.getuid())
 
-    def _release(self, freed: Callable[[str, str], bool], others: tuple[str, ...] = ()) -> None:
-        """Release the emergency stops for which ``freed(user, name)`` is true; the robot is free if none is left.
+    def _order(self, order: LatchOrder) -> None:
+        """Send a press or a release to the worker.  Messages keep their order, so it takes effect here at once."""
+        self._latches.order(order)
+        self._send(order)
 
-        Raises ValueError if there is none of them, and others hold the robot.
+    def _release(self, others: tuple[str, ...] = ()) -> None:
+        """Release the emergency stops of who runs the statement, and of ``others`` by name; the robot is free if none
+        is left.
+
+        Raises ValueError if there is none of them, and others hold the robot; MovementRefused if this was ordered
+        before the stop.
         """
-        origin, holders = self.motion.origin(), self.motion.holders
-        left = {user: who for user, who in holders.items() if not freed(user, who)}
+        origin, holders = self.motion.origin(), self._latches.holders
+        release = m.Release(str(origin), self._holder(), others, order=self._latches.next_number())
+        left = self._latches.preview(release)
         names = " and ".join(left.values())
         hint = f'who has pressed it releases it, or say {self._name}.releaseOf("NAME")'
         if left and len(left) == len(holders):
             raise ValueError(f"an emergency stop of {names} holds: {hint}")
-        self._send(m.Release(str(origin), self._holder(), others))
+        self.motion.arming.check_release(holders.keys() - left.keys())
+        frees = bool(self.motion.latched) and not left
+        self._order(release)
         if left:
-            self.motion.hold(left)
+            self.motion.hold(left.values())
             origin.warn(f"an emergency stop of {names} still holds: {hint}")
         else:
             self.motion.release()
         # An `at` of another client that waits for the release is not ordered by it: so the order comes behind.
         self.estop.sense(bool(left))
-        if not left:
-            self.motion.order_anew()
+        if frees:
+            self.motion.arming.order_anew()
 
     # ---------------------------------------------------------------- what the robot calls
 
@@ -207,20 +217,24 @@ class MotionGuard(DevicePart):
 
     def handle_latched(self, message: m.Latched) -> None:
         """The worker holds the robot in an emergency stop, or has released it."""
-        if message.reason:
-            self.motion.hold(dict(message.holders))
+        new = self._latches.report(message)
+        for user in new:
+            self.motion.arming.press(user)
+        holders = self._latches.holders
+        if holders:
+            self.motion.hold(holders.values())
         else:
             self.motion.release()
-        self.estop.sense(bool(message.reason))
+        self.estop.sense(bool(holders))
         if message.freed:
             stops = " and ".join(message.freed)
             left = f"; that of {message.reason} holds" if message.reason else ""
             self._log.warning("emergency stop of %s released by %s%s", stops, message.who, left, event="released")
-        else:
+            if not message.reason:
+                self.released.emit(message.who)
+        elif message.who or new:
             text = "emergency stop by %s: nothing moves until it is released"
             self._log.warning(text, message.who or message.reason, event="estop")
-        if not message.reason:
-            self.released.emit(message.who)
 
 
 def _names(devices: tuple[Hashable, ...]) -> str:

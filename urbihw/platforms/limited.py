@@ -37,6 +37,20 @@ class RobotLimits(DevicePart):
         self._unknown: set[str] = set()
         self._has_sent = False
 
+    def take(self, settings: LimitSettings) -> list[str]:
+        """Replace the limits; return in words those that allow more than they did before.  ``send`` comes next."""
+        before, self.settings = self.settings, settings
+        known = self._names()
+        return settings.looser(before, known.values() if known else [(), *((name,) for name in before.names)])
+
+    def _names(self) -> dict[str, tuple[str, ...]]:
+        """The names of each device that has limits: its own, and those of its joint."""
+        joints = self._hooks.joint_names()
+        return {
+            name: (name, *(joint for joint, device_name in joints.items() if device_name == name))
+            for name in self._hooks.limited_devices()
+        }
+
     def send(self) -> None:
         """Send all limits to the worker; called when the devices are known, and when one has changed its mode."""
         limited = bool(self.settings) or self._hooks.has_own_limits()
@@ -46,9 +60,9 @@ class RobotLimits(DevicePart):
         table: dict[tuple[Any, str], m.Limit] = {}
         thresholds: list[m.Threshold] = []
         names: dict[str, None] = {}
-        joints = self._hooks.joint_names()
+        all_names = self._names()
         for name, device in self._hooks.limited_devices().items():
-            called = (name, *(joint for joint, device_name in joints.items() if device_name == name))
+            called = all_names[name]
             names |= dict.fromkeys(called)
             limits, own = device.limits_in_counts(self.settings.device(*called), partial(self._named, called))
             table.update(limits)

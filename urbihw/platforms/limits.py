@@ -21,7 +21,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Self
 
@@ -60,6 +60,28 @@ class DeviceLimits(SettingsTable):
         (math.inf, math.inf, math.inf), rising(3, "[55, 65, 75]", *TEMPERATURES)
     )
     voltage: tuple[float, float] = setting((-math.inf, math.inf), rising(2, "[9.5, 12.6]"))
+
+    def looser(self, before: DeviceLimits) -> Iterator[tuple[str, str]]:
+        """Yield the kinds of limits that allow more than they did before, with both values in words."""
+        for kind in self.rules():
+            old, new = getattr(before, kind), getattr(self, kind)
+            if any(now > then for then, now in zip(_upper(kind, old), _upper(kind, new), strict=True)):
+                yield kind, f"{_shown(old)} -> {_shown(new)}"
+
+
+def _upper(kind: str, value: Any) -> tuple[float, ...]:
+    """The numbers of a limit, each the higher the more it allows."""
+    if kind in ("position", "voltage"):
+        return -value[0], value[1]
+    return value if isinstance(value, tuple) else (value,)
+
+
+def _shown(value: Any) -> str:
+    numbers = value if isinstance(value, tuple) else (value,)
+    if all(map(math.isinf, numbers)):
+        return "none"
+    texts = ", ".join(f"{each:g}" for each in numbers)
+    return f"[{texts}]" if isinstance(value, tuple) else texts
 
 
 def whole_counts(low: float, high: float) -> tuple[float, float]:
@@ -101,6 +123,20 @@ class LimitSettings:
         """Return the limits of a device by its names."""
         own = {kind: value for name in names for kind, value in self._devices.get(name, {}).items()}
         return DeviceLimits(**{**self._general, **own})
+
+    def looser(self, before: LimitSettings, devices: Iterable[tuple[str, ...]]) -> list[str]:
+        """The limits of some devices, given by their names, that allow more than they did before, in words."""
+        rows = {
+            f"{before.named(kind, *names)} {change}": None
+            for names in devices
+            for kind, change in self.device(*names).looser(before.device(*names))
+        }
+        return list(rows)
+
+    @property
+    def names(self) -> Collection[str]:
+        """The names of devices in the table."""
+        return self._devices.keys()
 
     def unknown(self, names: Collection[str]) -> list[str]:
         """Return the names in the table that are not among these."""

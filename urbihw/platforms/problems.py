@@ -14,6 +14,9 @@ _KINDS: Final = tuple(
     DeviceEvent(f"{kind}: {{who}}", f"{kind}: {{who}}", kind) for kind in ("missing", "unexpected", "of another kind")
 )
 """How devices differ from the expected ones; a bus that is switched on tells them one after the other."""
+LOOSER_SHOWN_S: Final = 600.0
+"""Seconds for which a reload that removed or raised limits is a problem."""
+CallLater = Callable[[float, Callable[[], None]], Callable[[], None]]
 
 
 class ProblemReport(DevicePart):
@@ -22,23 +25,28 @@ class ProblemReport(DevicePart):
     problems = reading([])
 
     def __init__(
-        self, device: UObject, send: Callable[[m.ToWorker], None], log: DeviceLog, unusable: Callable[[], list[str]],
-        unarmed: Callable[[], str],
+        self, device: UObject, send: Callable[[m.ToWorker], None], log: DeviceLog, call_later: CallLater,
+        unusable: Callable[[], list[str]], unarmed: Callable[[], str],
     ) -> None:  # fmt: skip
-        """``send`` passes a message to the worker; ``unusable`` returns a line for each device that is not used, and
+        """``send`` passes a message to the worker; ``call_later`` calls a function after some seconds, and returns one
+        that cancels this; ``unusable`` returns a line for each device that is not used, and
         ``unarmed`` one for the programs that wait for ``rearm``, "" if there are none.
         """
         super().__init__(device)
         self._send, self._log, self._unusable, self._unarmed = send, log, unusable, unarmed
         self._differences: list[str] = []
         self._lost_parts: dict[str, str] = {}
+        self._call_later = call_later
+        self._looser = ""
+        self._forget_looser: Callable[[], None] = lambda: None
+        self._worker_trouble = ""
 
     def show(self) -> None:
-        """Show which programs wait for ``rearm``, what differs from the expected devices, and which devices and parts
-        cannot be used.
+        """Show whether the worker answers, which programs wait for ``rearm``, which limits were raised, what differs
+        from the expected devices, and which devices and parts cannot be used.
         """
         parts = [f"{name}: {reason}" for name, reason in self._lost_parts.items()]
-        waiting = [each for each in (self._unarmed(),) if each]
+        waiting = [each for each in (self._worker_trouble, self._unarmed(), self._looser) if each]
         self.problems.sense([*waiting, *self._differences, *self._unusable(), *parts])
 
     def show_unarmed(self) -> None:
@@ -46,6 +54,21 @@ class ProblemReport(DevicePart):
         self.show()
         if waiting := self._unarmed():
             self._log.warning("%s", waiting)
+
+    def show_looser(self, limits: list[str]) -> None:
+        """Show for a while, and log, which limits were removed or raised, in words: after a reload of the settings."""
+        self._forget_looser()
+        self._looser = f"limits removed or raised by the settings: {'; '.join(limits)}" if limits else ""
+        self.show()
+        if limits:
+            self._log.warning("%s", self._looser)
+            self._forget_looser = self._call_later(LOOSER_SHOWN_S, lambda: self.show_looser([]))
+
+    def show_worker(self, trouble: str) -> None:
+        """Show that the worker does not answer, in words; "" when it does."""
+        if trouble != self._worker_trouble:
+            self._worker_trouble = trouble
+            self.show()
 
     def show_part(self, name: str, reason: str) -> None:
         """Tell the health and ``problems`` that a part on a wire of its own is lost, a laser say; "" when it is not."""

@@ -71,8 +71,8 @@ class Lobby(Obj):
         self.silence = ""
         """What the client has done, in words, while it may not move devices because its ``lease`` is over; else ""."""
         self.ordered: int | None = None
-        """The ``Job.ordered`` of every statement, if a device in another process sends them or a program has created
-        the lobby: that is one program.  None for a client, whose statements are orders themselves."""
+        """The ``Job.ordered`` that no statement exceeds, if a device in another process sends them or a program has
+        created the lobby: that is one program.  None for a client, whose statements are orders themselves."""
         self.lease = ClientLease(self)
         self.on_quit: Callable[[], None] = lambda: None
         self.peer = remote
@@ -94,8 +94,8 @@ class Lobby(Obj):
         if remote is not None:
             self.slots["remoteIP"] = world.string(remote)
         self.shell = Shell(self, name)
-        self.input_handler: Callable[[bytes], None] = self.shell.feed
-        """The function that handles the input; a remote in binary mode sends no urbiscript."""
+        self.input_handler: Callable[[bytes, int], None] = self.shell.feed
+        """The function that handles input with its ``Job.ordered``; a remote in binary mode sends no urbiscript."""
         programs.lobbies[self] = None
 
     def greet(self) -> None:
@@ -127,33 +127,33 @@ class Lobby(Obj):
         self.holdings = Holdings(maker.holdings)
 
     def find_maker(self, address: Address) -> None:
-        """If a program of another lobby connects from the client's address, make this lobby belong to that lobby."""
+        """If a program in this server connects from the client's address, this lobby is as old as that program, and
+        belongs to its lobby, if it has one.
+        """
+        # It is one program, which began with the one that has connected: a program that connects anew is no newer.
+        self.ordered = self.world.holdings.order_of(address)
         for other in self.programs.lobbies:
-            if other is not self and other.holdings.connects_from(address):
+            ordered = None if other is self else other.holdings.order_of(address)
+            if ordered is not None:
                 self.set_maker(other)
-                # It is one program, which began when it connected.
-                self.ordered = self.world.scheduler.era
+                self.ordered = ordered
                 return
 
     def _made(self) -> list[Lobby]:
         """The lobbies that belong to this one."""
         return [lobby for lobby in self.programs.lobbies if lobby.maker is self]
 
-    def feed(self, data: bytes) -> None:
-        """Bytes from the client."""
+    def feed(self, data: bytes, arrived: int | None = None) -> None:
+        """Bytes from the client, which arrived in an era (``Scheduler.era``), None for the present one."""
         if self.lease.seconds:
             self.lease.renew()
-        self.take_input(data)
+        self.take_input(data, self.world.scheduler.era if arrived is None else arrived)
 
-    def take_input(self, data: bytes, ordered: int | None = None) -> None:
-        """Bytes from the client, or from a program in its place that was ``ordered`` then (``Job.ordered``)."""
+    def take_input(self, data: bytes, ordered: int) -> None:
+        """Bytes from the client, or from a program in its place, that were ``ordered`` then (``Job.ordered``)."""
         self.received += len(data)
-        if not self.connected:
-            return
-        if ordered is not None and self.input_handler == self.shell.feed:
-            self.shell.feed(data, ordered)
-        else:
-            self.input_handler(data)
+        if self.connected:
+            self.input_handler(data, ordered)
 
     def end_of_input(self, done: Callable[[], None]) -> None:
         """The client has closed its sending side: call ``done`` when its input was run in the foreground.
@@ -187,8 +187,7 @@ class Lobby(Obj):
         """Stop the devices that this lobby and those that belong to it move.  The statements that move them end; those
         that begin later may move them.
         """
-        self.world.scheduler.era += 1
-        self.released_at = self.world.scheduler.era
+        self.released_at = self.world.scheduler.begin_era()
         for hear in list(self.world.devices_released):
             hear(self)
         for other in self._made():

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.backtrace import stack_of
 from urbihw.kernel.runtime.binary import BinaryObject
-from urbihw.kernel.runtime.code import Code, Executable
+from urbihw.kernel.runtime.code import Executable
 from urbihw.kernel.runtime.plain import plain_error, plain_text
 from urbihw.kernel.runtime.record import listed
 from urbihw.kernel.sched.errors import HeldTooLong
@@ -55,8 +55,6 @@ def described(lobby: Lobby, error: BaseException) -> list[str]:
     world = lobby.world
     if not _is_changed(world):
         return world.describe(error)
-    if isinstance(error, HeldTooLong):
-        _put_back(lobby, _is_not_involved_in(error))
     urbi = world.normalized(error)
     plain = plain_error(world, urbi, stack_of(urbi, world.hide_system))
     if isinstance(urbi, errors.Raised) or world.scheduler.current is None:
@@ -100,12 +98,3 @@ def _put_back(lobby: Lobby, may_stay: Callable[[Any], bool]) -> None:
     names = lobby.world.record.restore_printing(may_stay)
     if names:
         lobby.output.line(f"*** urbihw: put back in the library, since printing took too long: {listed(names)}")
-
-
-def _is_not_involved_in(error: BaseException) -> Callable[[Any], bool]:
-    """A predicate: whether a function is not among those that the error left."""
-    codes, tb = set(), error.__traceback__
-    while tb is not None:
-        codes.add(tb.tb_frame.f_code)
-        tb = tb.tb_next
-    return lambda now: not isinstance(now, Code) or getattr(now.fn, "__code__", None) not in codes

@@ -21,6 +21,7 @@ from urbihw.kernel.lobby.program_files import compiled_file, is_kept
 from urbihw.kernel.lobby.server_log import ServerLog
 from urbihw.kernel.lobby.templates import TemplateCache, TemplateUse
 from urbihw.kernel.runtime.backtrace import current_stack
+from urbihw.kernel.sched.arrivals import Arrivals, renewed
 from urbihw.kernel.sched.collector import COLLECTOR
 from urbihw.kernel.sched.group import Group
 from urbihw.kernel.sched.job import Job
@@ -223,33 +224,33 @@ class Shell:
         self._reader = StatementReader(cache=lobby.programs.read)
         self._pace = StepPace(self._pause)
         self._input = bytearray()
-        self._items: deque[Item] = deque()
+        self._arrivals = Arrivals()
+        self._items: deque[tuple[Item, int]] = deque()
+        """What is read, and when it was ordered (``Job.ordered``)."""
+        self._begun: int | None = None
+        """When the first byte of the incomplete statement was ordered, None if there is none."""
         self._more = WaitQueue(self._scheduler)
         self._numbers = itertools.count(1)
         self._when_idle: Callable[[], None] | None = None
-        self._typed: int | None = None
-        """The ``Job.ordered`` of the oldest program that typed some of what is pending; None if only the client did."""
         self._is_endless = False
         """Whether the statement in the foreground goes on for ever, if nothing ends it."""
         self._open = True
         self._job = self._scheduler.spawn(self._run, name, context=lobby)
 
-    def feed(self, data: bytes, ordered: int | None = None) -> None:
-        """Handle bytes from the client, or from a program that was ``ordered`` then (``Job.ordered``).
+    def feed(self, data: bytes, ordered: int) -> None:
+        """Handle bytes that were ``ordered`` then (``Job.ordered``), by the client or by a program.
 
         Short input is read at once, unless other input is pending.
         """
-        if ordered is not None:
-            self._typed = ordered if self._typed is None else min(ordered, self._typed)
         if self._is_endless:
             self._explain_wait()
         if self._input or self._items or self._reader.pending + len(data) > MAX_SHORT_TEXT:
             self._input += data
+            self._arrivals.add(len(data), ordered)
             self._more.wake_one()
             return
-        items = self._reader.feed(data)
-        if items:
-            self._items.extend(items)
+        self._read(data, ordered)
+        if self._items:
             self._more.wake_one()
         elif data.strip() in HELPLESS:
             self._lobby.advise(self._reader.describe_rest())
@@ -258,6 +259,14 @@ class Shell:
         """Tell a client that waits for the end of an endless statement."""
         self._is_endless = False
         self._lobby.advise("this waits: every and loop never end; Ctrl-C ends them, a comma behind them lets go on")
+
+    def order_anew(self, since: int) -> None:
+        """Let pending input that was ordered at ``since`` or later count as ordered now."""
+        now = self._scheduler.era
+        self._arrivals.renew(since, now)
+        self._items = deque((item, renewed(ordered, since, now)) for item, ordered in self._items)
+        if self._begun is not None:
+            self._begun = renewed(self._begun, since, now)
 
     @property
     def waiting(self) -> int:
@@ -313,35 +322,46 @@ class Shell:
         while self._open:
             while not self._items:
                 if self._input:
-                    self._read()
+                    self._read_pending()
                     continue
-                self._typed = None
                 if self._when_idle is not None:
                     self._when_idle()
                 self._more.wait()
-            self._run_item(self._items.popleft())
+            self._run_item(*self._items.popleft())
 
-    def _run_item(self, item: Item) -> None:
+    def _run_item(self, item: Item, ordered: int) -> None:
+        by_lobby = self._lobby.ordered
+        if by_lobby is not None:
+            ordered = min(ordered, by_lobby)
         if isinstance(item, SyntaxProblem):
             self._complain(item)
         elif item.separator == ",":
-            self._background(item)
+            self._background(item, ordered)
         else:
-            self._foreground(item)
+            self._foreground(item, ordered)
             if self._scheduler.ready:
                 self._scheduler.yield_()
                 return
         if self._items:
             self._lobby.programs.long_work.give_way()
 
-    def _read(self) -> None:
+    def _read_pending(self) -> None:
         """Read the pending input up to the next statement."""
         with COLLECTOR:
             while self._input and not self._items:
-                size = end_of_slice(self._input)
-                self._items.extend(self._reader.feed(bytes(self._input[:size]), self._pace))
+                size = min(end_of_slice(self._input), self._arrivals.together)
+                self._read(bytes(self._input[:size]), self._arrivals.take(size), self._pace)
                 del self._input[:size]
                 self._pause()
+
+    def _read(self, data: bytes, ordered: int, pace: StepPace | None = None) -> None:
+        """Read bytes; a statement is as old as the first of its bytes, which may have come with earlier ones."""
+        begun, self._begun = self._begun, None
+        items = self._reader.feed(data, pace)
+        first = ordered if begun is None else min(begun, ordered)
+        self._items.extend((item, ordered if at else first) for at, item in enumerate(items))
+        if self._reader.pending:
+            self._begun = ordered if items else first
 
     def _pause(self) -> None:
         """Let other jobs have a turn while a long text is being read."""
@@ -352,6 +372,8 @@ class Shell:
         """Discard the pending input, including an incomplete statement."""
         self._items.clear()
         self._input.clear()
+        self._arrivals.clear()
+        self._begun = None
         self._reader = StatementReader(cache=self._lobby.programs.read)
 
     def _complain(self, problem: SyntaxProblem) -> None:
@@ -361,10 +383,10 @@ class Shell:
             self._lobby.output.line(f"!!! {problem.location}: syntax error: {problem.message}", "error")
             self._lobby.advise(problem.advice)
 
-    def _foreground(self, statement: Statement) -> None:
+    def _foreground(self, statement: Statement, ordered: int) -> None:
         lobby = self._lobby
         self._job.name = self.next_name()
-        self._job.begin_statement(self._ordered())
+        self._job.begin_statement(ordered)
         scope = lobby.tag.open()
         variables = len(lobby.slots)
         self._is_endless = statement.text.startswith(ENDLESS)
@@ -394,14 +416,7 @@ class Shell:
         elif value is not world.void and value is not world.nil:
             show(self._lobby, value)
 
-    def _ordered(self) -> int | None:
-        """When the next statement was ordered: what a program types is no newer than the program."""
-        typed, lobby = self._typed, self._lobby.ordered
-        if typed is None or lobby is None:
-            return lobby if typed is None else typed
-        return min(typed, lobby)
-
-    def _background(self, statement: Statement) -> None:
+    def _background(self, statement: Statement, ordered: int) -> None:
         lobby = self._lobby
 
         def run() -> None:
@@ -418,7 +433,7 @@ class Shell:
                 scope.exit()
 
         job = self._scheduler.spawn(run, self.next_name(), context=lobby)
-        job.begin_statement(self._ordered())
+        job.begin_statement(ordered)
         self._scheduler.start_now(job)
 
 

@@ -14,6 +14,7 @@ from urbihw.kernel.runtime.backtrace import Stack, failed_in_program, note_stack
 from urbihw.kernel.runtime.binary import BinaryObject
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.plain import plain_error
+from urbihw.kernel.runtime.record import listed
 from urbihw.kernel.runtime.unread import locate_later, make_unread
 from urbihw.kernel.sched.errors import HeldTooLong, TooManyJobs
 from urbihw.kernel.value import Value
@@ -66,6 +67,8 @@ class Failures:
         elif isinstance(error, RecursionError):
             raised = errors.Raised("Scheduling", "stack exhausted", None)
         elif isinstance(error, TooManyJobs | HeldTooLong):
+            if isinstance(error, HeldTooLong):
+                self._restore_held(error)
             raised = errors.Raised("Scheduling", str(error), None)
         elif isinstance(error, MemoryError):
             raised = errors.Raised("Scheduling", "memory exhausted", None)
@@ -76,6 +79,20 @@ class Failures:
             log.debug("traceback of the bug", exc_info=error)
             raised = errors.primitive(f"internal error ({type(error).__name__}), please report it: {error}", None)
         return raised.with_traceback(error.__traceback__)
+
+    def _restore_held(self, error: HeldTooLong) -> None:
+        """Put back functions of the library in whose place a program has put those that held the interpreter: at once,
+        since to report the error may run them again.
+        """
+        codes, tb = set(), error.__traceback__
+        while tb is not None:
+            codes.add(tb.tb_frame.f_code)
+            tb = tb.tb_next
+        names = self._world.record.restore_held(codes)
+        job = self._world.scheduler.current
+        if names and job is not None and job.context is not None:
+            told = f"*** urbihw: put back in the library, since it held the interpreter: {listed(names)}"
+            job.context.output.line(told)
 
     def caught(self, error: BaseException) -> Any:
         """The urbiscript value of a caught error; Exceptions get their location and backtrace, when they are read."""

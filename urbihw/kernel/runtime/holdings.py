@@ -37,6 +37,7 @@ class _Holding:
     one: Holding
     kind: str
     address: Callable[[], Address | None]
+    ordered: int
 
 
 class Holdings:
@@ -57,20 +58,25 @@ class Holdings:
             raise errors.primitive(f"too many {kind}: this connection has {most}; close one")
 
     def register(
-        self, one: Holding, kind: str, most: int, address: Callable[[], Address | None] = lambda: None
+        self,
+        one: Holding,
+        kind: str,
+        most: int,
+        address: Callable[[], Address | None] = lambda: None,
+        ordered: int = 0,
     ) -> None:
         """Hold a resource until ``unregister``, and close it when the connection ends.
 
         ``kind`` is a plural name ("sockets"), ``most`` the maximum number of that kind; ``address()`` is the local
-        address from which the resource connects, None if it does not.  Raises Exception.Primitive when that number is
-        reached or the connection is closed; the caller then closes the resource.  Registering a resource again does
-        nothing.
+        address from which the resource connects, None if it does not, ``ordered`` the ``Job.ordered`` of the program
+        that has opened it.  Raises Exception.Primitive when that number is reached or the connection is closed; the
+        caller then closes the resource.  Registering a resource again does nothing.
         """
         if id(one) in self._held:
             return
         self.check(kind, most)
         self._numbers[kind] += 1
-        self._held[id(one)] = _Holding(one, kind, address)
+        self._held[id(one)] = _Holding(one, kind, address, ordered)
 
     def unregister(self, one: Holding) -> None:
         """Remove a resource that is closed or over; does nothing if it is not registered."""
@@ -82,9 +88,9 @@ class Holdings:
         """All resources that are registered now."""
         return [entry.one for entry in self._held.values()]
 
-    def connects_from(self, address: Address) -> bool:
-        """Whether a registered resource connects from this address."""
-        return any(entry.address() == address for entry in self._held.values())
+    def order_of(self, address: Address) -> int | None:
+        """The ``Job.ordered`` of the program whose resource connects from this address, None if there is none."""
+        return next((entry.ordered for entry in self._held.values() if entry.address() == address), None)
 
     def seal(self) -> None:
         """Refuse further resources, because the connection is closed."""

@@ -1,11 +1,13 @@
 """The record of the library as it was when start-up was complete, and restoring it.
 
-All connections share the prototypes of the library and the robot's objects, and a program may change them.  Two
+All connections share the prototypes of the library and the robot's objects, and a program may change them.  Three
 mechanisms limit the damage that one program can do to the others:
 
 - Some slots are *protected*: System and ending the server, the robot and its stop.  No program can remove, replace or
   hide them.  ``SlotOps.put_slot``, ``SlotOps.remove_slot`` and ``Obj.set_protos`` check this for the few protected
   names.
+- A function that a program has put into a shared object and that holds the interpreter is replaced by the recorded one
+  at once, and at the second time for good (``restore_held``), since it would hold up every caller.
 - The prototypes and slots of all shared objects are *recorded*, and so are later changes by the robot's own code.  When
   a connection is opened, slots that were removed or replaced by an implausible value are restored; other redefinitions
   are reported, and ``reset`` restores them too.  Added slots are reported only where they hide a function of the
@@ -16,11 +18,13 @@ mechanisms limit the damage that one program can do to the others:
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from types import CodeType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from urbihw.kernel import errors
-from urbihw.kernel.runtime.code import Executable
+from urbihw.kernel.runtime.code import Code, Executable
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.plain import plain_type
 from urbihw.kernel.runtime.slot import SlotMeta, meta_of
@@ -38,6 +42,8 @@ ABSENT: Final[Any] = object()
 """Represents the value of a slot that does not exist."""
 PRINTING: Final = ("asToplevelPrintable", "asPrintable", "asString")
 """The slots with which the top level prints values."""
+MAX_HOLDS: Final = 2
+"""How often functions in the place of a library function may hold the interpreter, before no other one is accepted."""
 MAX_NAMED: Final = 6
 """Maximum number of changes named in one line."""
 
@@ -87,6 +93,7 @@ class Record:
         self._librarys: frozenset[str] = frozenset()  # slots of Global before there was a robot
         self._quick: tuple[Any, ...] = ()
         self._logged: set[tuple[str, str]] = set()
+        self._holds: Counter[str] = Counter()
         self._printers: list[RecordedObject] = []
         self._printing = self._watch_printing()
 
@@ -265,6 +272,36 @@ class Record:
         if kept is None or (slot not in kept.slots and slot != "protos"):
             raise errors.primitive(f"there is no {what} in the library")
         return kept, slot
+
+    # ---------------------------------------------------------------- functions that hold the interpreter
+
+    def is_replaced(self, codes: Collection[CodeType]) -> bool:
+        """Whether one of these functions was put by a program in the place of a function of the library."""
+        return next(self._replaced(codes), None) is not None
+
+    def restore_held(self, codes: Collection[CodeType]) -> list[str]:
+        """Restore the library functions in whose place a program has put one of these, which held the interpreter;
+        return their names.  One that had to be restored ``MAX_HOLDS`` times is protected from then on.
+        """
+        changes = Changes()
+        for kept, name in list(self._replaced(codes)):
+            self._put_back(kept, name, changes)
+            self._holds[f"{kept.name}.{name}"] += 1
+            if self._holds[f"{kept.name}.{name}"] == MAX_HOLDS:
+                self.protect(kept.obj, name)
+        self._finish(changes)
+        self._log(changes)
+        return list(changes.back)
+
+    def _replaced(self, codes: Collection[CodeType]) -> Iterator[tuple[RecordedObject, str]]:
+        """The slots with one of these functions in the place of a recorded one.  No value is compared: that might run
+        a function of a program."""
+        for kept in self._kept.values():
+            for name, now in kept.obj.slots.items():
+                if isinstance(now, Code) and now is not kept.slots.get(name) \
+                        and getattr(now.fn, "__code__", None) in codes \
+                        and (name in kept.slots or name in self._functions and self._hides(kept.obj, name)):
+                    yield kept, name
 
     # ---------------------------------------------------------------- printing
 

@@ -66,8 +66,8 @@ class Scheduler:
         self.abandoned = False
         """Whether no job will run any more."""
         self.era = 0
-        """Advanced from outside to tell statements that began before an event, such as an emergency stop, from later
-        ones."""
+        """Tells statements that began before an event, such as an emergency stop, from later ones: ``begin_era``."""
+        self._era_hooks: list[Callable[[], None]] = []
         self.shares = Shares(self._accounts)
         """How many jobs each context has and may have."""
         self.latest: Job | None = None
@@ -265,6 +265,17 @@ class Scheduler:
     def add_round_hook(self, hook: Callable[[], None]) -> None:
         """Call ``hook`` (outside any job) at the end of each round."""
         self._round_hooks.append(hook)
+
+    def add_era_hook(self, hook: Callable[[], None]) -> None:
+        """Call ``hook`` before a new era begins: what has come until then belongs to the present one."""
+        self._era_hooks.append(hook)
+
+    def begin_era(self) -> int:
+        """Begin a new era, and return its number: something happened that earlier statements could not know."""
+        for hook in self._era_hooks:
+            hook()
+        self.era += 1
+        return self.era
 
     def interrupt(self) -> None:
         """From any thread: make ``run`` return at the end of the running job's turn."""

@@ -11,10 +11,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import fcntl
 import logging
 import math
 import socket
 import struct
+import termios
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
@@ -63,6 +65,10 @@ class LobbyConnection(asyncio.Protocol):
         self._open = False
         self._paused = False
         self._ended = False
+        self._older: int | None = None
+        """The era of bytes that had arrived when it ended, and are not read yet; None if there are none."""
+        self._floods = False
+        """Whether more of that era may be on its way, since reading paused then."""
         self.lobby: Lobby | None = None
 
     # ---------------------------------------------------------------- the first bytes
@@ -155,10 +161,24 @@ class LobbyConnection(asyncio.Protocol):
                 return
             data = accepted
         if self.lobby is not None:
-            self.lobby.feed(data)
+            self._feed(self.lobby, data)
             self._server.driver.drive()
             if self.lobby.shell.waiting > MAX_PENDING_INPUT:
                 self._pause()
+
+    def _feed(self, lobby: Lobby, data: bytes) -> None:
+        """Pass on bytes, with the era in which they arrived at this machine."""
+        if self._floods and not lobby.shell.waiting:
+            self._floods = False  # all that it had sent has been read and has run
+        lobby.feed(data, self._older)
+        if self._older is not None and not self._floods and not unread_size(self.raw):
+            self._older = None
+
+    def end_era(self) -> None:
+        """The present era ends: bytes that are not read yet belong to it, and so does what a client has sent that is
+        not read because it sends too much."""
+        if self._older is None and (self._paused or unread_size(self.raw)):
+            self._older, self._floods = self._server.driver.scheduler.era, self._paused
 
     def _pause(self) -> None:
         """Pause reading until the pending input has run.  A disconnect is noticed nevertheless."""
@@ -266,6 +286,14 @@ class LobbyConnection(asyncio.Protocol):
         """Call ``action`` after some seconds, unless the connection has ended by then."""
         if self._open:
             self._timers.append(self._loop.call_later(seconds, action, *arguments))
+
+
+def unread_size(raw: socket.socket) -> int:
+    """The number of bytes that have arrived at a socket and were not read; 0 if it is closed."""
+    try:
+        return int(struct.unpack("i", fcntl.ioctl(raw.fileno(), termios.FIONREAD, b"\0" * 4))[0])
+    except (OSError, ValueError):
+        return 0
 
 
 def peer_of(raw: socket.socket) -> tuple[str | None, str]:

@@ -82,6 +82,7 @@ class Server:
         self._disconnect_watcher: DisconnectWatcher | None = None
         self._loop = asyncio.get_running_loop()
         driver.scheduler.add_round_hook(self._round_over)
+        driver.scheduler.add_era_hook(self._end_era)
 
     # ---------------------------------------------------------------- ways in
 
@@ -241,6 +242,10 @@ class Server:
             self._dirty[connection] = None
 
         return wanted
+
+    def _end_era(self) -> None:
+        for connection in self.connections:
+            connection.end_era()
 
     def _round_over(self) -> None:
         while self._dirty:

@@ -24,7 +24,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from types import FrameType
+from types import CodeType, FrameType
 from typing import Any, Final
 
 from urbihw.kernel.lobby.lobby import Lobby, lobby_of
@@ -236,14 +236,14 @@ class Watchdog:
         if wanted[1] is _Harm.AGAIN:
             self._scheduler.breaker.rearm(frame)
             return
-        error = self._break_error(wanted[1], job)
+        error = self._break_error(wanted[1], job, frame)
         if error is not None:
             self._scheduler.breaker.break_in(frame, error)
 
-    def _break_error(self, harm: _Harm, job: Job) -> BaseException | None:
+    def _break_error(self, harm: _Harm, job: Job, frame: FrameType | None) -> BaseException | None:
         """The exception to raise in the job; None for none."""
         if harm is _Harm.HOLDS:
-            self._count_hold(job)
+            self._count_hold(job, frame)
             return HeldTooLong(f"held the interpreter for more than {self.hold_limit:g} s: give way with ';' or sleep")
         if harm is _Harm.HOLDS_ON:
             log.warning("job %s is ended: it held the interpreter on", job.name)
@@ -254,11 +254,12 @@ class Watchdog:
             return None
         return end_signal(job) if self.memory.is_final() else MemoryError()
 
-    def _count_hold(self, job: Job) -> None:
+    def _count_hold(self, job: Job, frame: FrameType | None) -> None:
         """Record that a job held the interpreter.  A connection whose jobs do so again and again (from an ``at``, say)
-        has all its jobs ended."""
+        has all its jobs ended.  It is not to blame for what another one has put in the place of a library function,
+        which is put back now (``Record.restore_held``)."""
         lobby, now = lobby_of(job), time.monotonic()
-        if lobby is None:
+        if lobby is None or lobby.world.record.is_replaced(_codes_of(frame)):
             return
         self._held = [(who, when) for who, when in self._held if now - when < HOLD_WINDOW_S] + [(lobby, now)]
         if sum(who is lobby for who, _ in self._held) >= MAX_HOLDS:
@@ -271,6 +272,15 @@ class Watchdog:
         lobby = lobby_of(job)
         if lobby is not None:
             self._scheduler.post(lambda: lobby.output.line(text, "error"))
+
+
+def _codes_of(frame: FrameType | None) -> set[CodeType]:
+    """The codes of a frame and its callers."""
+    codes = set()
+    while frame is not None:
+        codes.add(frame.f_code)
+        frame = frame.f_back
+    return codes
 
 
 def end_signal(job: Job) -> JobSignal:

@@ -38,7 +38,9 @@ class HeldSocket:
         self.attempt = ConnectionAttempt()
         self._made: SocketChannel | SocketListener | None = None
         self._closed = False
-        holdings.register(self, "sockets", MAX_SOCKETS, self.attempt.address)
+        opener = world.scheduler.current
+        ordered = 0 if opener is None else opener.ordered
+        holdings.register(self, "sockets", MAX_SOCKETS, self.attempt.address, ordered)
 
     @classmethod
     def of_job(cls, world: World) -> HeldSocket:

@@ -91,7 +91,7 @@ class SpeakerLobby(Protocol):
     label: str
     lease: LobbyLease
 
-    def take_input(self, data: bytes, ordered: int | None = None) -> None:
+    def take_input(self, data: bytes, ordered: int) -> None:
         """Add bytes to the input, as if the client had sent them."""
         ...
 

@@ -20,12 +20,13 @@ They are also stopped when the client closes its sending side, because it then c
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.backtrace import NO_STACK, Stack, later_stack
+from urbihw.kernel.uobject.arming import Arming
 
 if TYPE_CHECKING:
     from urbihw.kernel.sched.job import Job
@@ -105,14 +106,13 @@ class Motion:
         stops: number of stops of any kind, including stops of parts of the robot.
         reason: reason of the last stop.
         latched: reason of the active emergency stop, "" if there is none; ``release`` ends it.
-        holders: user -> name, of those whose emergency stops hold, as far as they are known.
         keep: whether a movement continues when its client has disconnected.
         held: device -> reason why it may not move at present.
         absent: device, None for all -> why writes to it do not act at present, and the lowest ``Job.era`` of a
             statement that began after the loss (``set_absent``).
         absences: how often ``absent`` has changed.
         at_rest: whether no write was accepted since the last stop.
-        on_unarmed: called when ``explain_unarmed`` changes.
+        arming: what may move the robot after the release of an emergency stop.
     """
 
     def __init__(self, host: Host, name: str, stop_devices: Callable[[tuple[Hashable, ...], str], None]) -> None:
@@ -124,16 +124,13 @@ class Motion:
         self.stops = 0
         self.reason = ""
         self.latched = ""
-        self.holders: dict[str, str] = {}
         self.keep = False
         self.held: dict[Hashable, str] = {}
         self.absent: dict[Hashable, tuple[str, int]] = {}
         self.absences = 0
         self.at_rest = False
         self._mark = 0
-        self.on_unarmed: Callable[[], None] = lambda: None
-        self._armed_since = 0
-        self._unarmed: dict[Any, str] = {}
+        self.arming = Arming(host.world, name)
         self._ended: dict[Hashable, tuple[int, str]] = {}
         self._moved_by: dict[Hashable, Origin] = {}
         self._movements: list[GuardedMovement] = []
@@ -157,10 +154,9 @@ class Motion:
         lobby = None if job is None else job.context
         return str(getattr(lobby, "person", ROBOT))
 
-    def hold(self, holders: Mapping[str, str]) -> None:
-        """An emergency stop holds: nothing moves until ``release``."""
-        self.holders = dict(holders)
-        self.latched = " and ".join(self.holders.values())
+    def hold(self, holders: Iterable[str]) -> None:
+        """An emergency stop of ``holders`` holds: nothing moves until ``release``."""
+        self.latched = " and ".join(holders)
 
     def asked(self) -> str:
         """The requester of the present stop, in words."""
@@ -175,8 +171,7 @@ class Motion:
         self.epoch = self.epoch + 1 if epoch is None else epoch
         # Two numbers: that of the worker counts stops of this robot, that of the scheduler orders statements.  Jobs of
         # earlier statements keep the older number, so a loop that runs on cannot move the robot again.
-        scheduler.era += 1
-        self._mark = scheduler.era
+        self._mark = scheduler.begin_era()
         self.reason = reason
         self.stops += 1
         self.at_rest = True
@@ -186,51 +181,13 @@ class Motion:
         """The emergency stop is over.  What was ordered until now may not move the robot any more, even if it catches
         errors or is an ``at`` that waits: a motion without an order is not expected.
         """
-        self.holders = {}
         if self.latched:
             self.latched = ""
-            self._world.scheduler.era += 1
-            self._set_armed(self._world.scheduler.era)
-
-    def rearm(self) -> None:
-        """Let move again what was ordered before the release of an emergency stop and has not ended.
-
-        Raises MovementRefused in a job that was ordered before the release itself.
-        """
-        job = self._world.scheduler.current
-        if job is not None and job.ordered < self._armed_since:
-            self._refuse_unarmed(job.context)
-        self._set_armed(0)
-
-    def _set_armed(self, since: int) -> None:
-        self._armed_since = since
-        self._unarmed.clear()
-        self.on_unarmed()
-
-    def _refuse_unarmed(self, lobby: Any) -> None:
-        """Raise the error for what was ordered before the release; warn its client, even if it catches the error."""
-        why = "an emergency stop was released after this program had begun: begin it again, or call rearm"
-        if lobby not in self._unarmed:
-            self._unarmed[lobby] = _client(lobby)
-            output = getattr(lobby, "output", None)
-            if output is not None:
-                output.line(f"!!! warning: {self._name}: {why}", "warning")
-            self.on_unarmed()
-        raise errors.MovementRefused(f"{self._name}: {why}")
-
-    def explain_unarmed(self) -> str:
-        """Whose programs want to move though they were begun before the release, and what to do; "" for none."""
-        names = [*self._unarmed.values()]
-        if not names:
-            return ""
-        shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-        return f"programs of {shown}, begun before the emergency stop, want to move: " \
-            f"begin them again, or say {self._name}.rearm"
+            self.arming.release()
 
     def end(self, device: Hashable, reason: str) -> None:
         """End the movements of one device: statements that began before may not move it any more."""
-        self._world.scheduler.era += 1
-        self._ended[device] = self._world.scheduler.era, reason
+        self._ended[device] = self._world.scheduler.begin_era(), reason
         self._moved_by.pop(device, None)
 
     def renew(self) -> None:
@@ -239,19 +196,12 @@ class Motion:
         if job is not None:
             job.renew()
 
-    def order_anew(self) -> None:
-        """Let the running statement count as ordered now: it has released the emergency stop itself."""
-        job = self._world.scheduler.current
-        if job is not None:
-            job.begin_statement()
-
     def check(self) -> None:
         """Raise the error for a statement that began before the last stop, or before its client let go."""
         job = self._world.scheduler.current
         if job is None:
             return
-        if job.ordered < self._armed_since:
-            self._refuse_unarmed(job.context)
+        self.arming.check(job)
         if job.era < self._mark:
             raise errors.MovementStopped(f"{self._name} was stopped after this statement had begun: {self.reason}")
         silence = getattr(job.context, "silence", "")
@@ -299,8 +249,7 @@ class Motion:
     def set_absent(self, device: Hashable, reason: str) -> None:
         """Say why writes to a device (None for all) do not act from now on; "" when they act again."""
         if reason:
-            self._world.scheduler.era += 1
-            self.absent.setdefault(device, (reason, self._world.scheduler.era))
+            self.absent.setdefault(device, (reason, self._world.scheduler.begin_era()))
         else:
             back, _ = self.absent.pop(device, ("", 0))
             self._told = [(lobby, told) for lobby, told in self._told if told != back]
@@ -429,8 +378,7 @@ class Motion:
     # ---------------------------------------------------------------- leases
 
     def _client_gone(self, lobby: Any) -> None:
-        if self._unarmed.pop(lobby, ""):
-            self.on_unarmed()
+        self.arming.client_gone(lobby)
         if not self.keep:
             self._end_of_lease(lobby, f"the connection of {_client(lobby)} is closed, which moved it")
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.event import Event
+from urbihw.kernel.sched.arrivals import Arrivals
 from urbihw.kernel.sched.signals import Interrupted, StopTag
 from urbihw.kernel.sched.waiting import WaitQueue
 from urbihw.kernel.uobject.uvalue import to_urbi
@@ -43,10 +44,14 @@ class _Intake:
         self._decoder = BinaryDecoder()
         self._more = WaitQueue(self._scheduler)
         self._skipped = False
+        self._arrivals = Arrivals()
+        self.ordered = 0
+        """When the last frame was ordered (``Job.ordered``)."""
 
-    def feed(self, data: bytes) -> None:
-        """Add bytes that have come."""
+    def feed(self, data: bytes, ordered: int) -> None:
+        """Add bytes that have come, and were ``ordered`` then (``Job.ordered``)."""
         self._decoder.add(data)
+        self._arrivals.add(len(data), ordered)
         if self._decoder.waiting > MAX_WAITING_SIZE:
             self._give_up(f"{self._decoder.waiting} bytes wait for a statement of it to end")
         self._more.wake_one()
@@ -60,6 +65,7 @@ class _Intake:
     def get(self) -> Frame:
         """Wait for the next frame and return it; invalid bytes end the connection."""
         while True:
+            waiting = self._decoder.waiting
             try:
                 frame = self._decoder.next()
             except BadBinaryFrame as error:
@@ -69,6 +75,8 @@ class _Intake:
                 self._skipped = True
                 log.warning("remote %s: unknown code %s skipped", self._connection.name, self._decoder.skipped[0])
             self._decoder.skipped.clear()
+            if waiting > self._decoder.waiting:
+                self.ordered = self._arrivals.take(waiting - self._decoder.waiting)
             if frame is not None:
                 return frame
             if not self._decoder.paused:
@@ -98,7 +106,8 @@ def binary_mode(world: World, connection: RemoteConnection, on: bool, tag: str) 
     while True:
         try:
             frame = input_handler.get()
-            scheduler.running().begin_statement(lobby.ordered)
+            ordered = input_handler.ordered
+            scheduler.running().begin_statement(ordered if lobby.ordered is None else min(ordered, lobby.ordered))
             _handle(world, connection, frame)
         except Exception as error:
             lobby.report(error)

@@ -1,0 +1,107 @@
+"""Bytes that a server has not read yet when an era ends belong to it, as do those of a client that sends too much."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from urbihw.kernel import Kernel
+from urbihw.kernel.lobby.lobby import Lobby
+from urbihw.kernel.server.connection import MAX_PENDING_INPUT
+from urbihw.kernel.server.loop import LoopDriver
+from urbihw.kernel.server.tcp import Server
+
+
+class Client:
+    """A client of a server, and what its lobby gets: bytes with their eras."""
+
+    def __init__(self, kernel: Kernel, end: socket.socket) -> None:
+        self.end = end
+        self.scheduler = kernel.scheduler
+        (self.lobby,) = kernel.programs.lobbies
+        self.got: list[tuple[bytes, int]] = []
+        feed = self.lobby.input_handler
+
+        def hear(data: bytes, ordered: int) -> None:
+            self.got.append((data[-8:], ordered))
+            feed(data, ordered)
+
+        self.lobby.input_handler = hear
+
+    async def until(self, done: Callable[[], bool]) -> None:
+        """Let the loop run until something is so."""
+        async with asyncio.timeout(60):
+            while not done():
+                await asyncio.sleep(0.001)
+
+
+def play(path: Path, scene: Callable[[Client], Any]) -> None:
+    """Play a scene with a client of a server."""
+
+    async def run() -> None:
+        kernel = Kernel()
+        kernel.programs.quiet = True
+        driver = LoopDriver(kernel.scheduler)
+
+        def open_lobby(remote: str | None, wanted: Callable[[Lobby], None], limit: int) -> Lobby:
+            return kernel.open_lobby(remote, wanted, limit)
+
+        server = Server(driver, open_lobby)
+        await server.listen_unix(path)
+        with socket.socket(socket.AF_UNIX) as end:
+            end.connect(str(path))
+            async with asyncio.timeout(60):
+                while not kernel.programs.lobbies:
+                    await asyncio.sleep(0.001)
+            await scene(Client(kernel, end))
+        await server.close()
+        driver.close()
+        kernel.close()
+
+    asyncio.run(run())
+
+
+def test_what_has_arrived_unread_is_of_the_era_in_which_it_arrived(tmp_path: Path) -> None:
+    async def scene(client: Client) -> None:
+        client.end.sendall(b"1;\n")
+        await client.until(lambda: bool(client.got))
+        client.end.sendall(b"before;\n")  # the loop does not run between this and the next line
+        era = client.scheduler.begin_era()
+        client.scheduler.begin_era()
+        await client.until(lambda: len(client.got) == 2)
+        client.end.sendall(b"behind;\n")
+        await client.until(lambda: len(client.got) == 3)
+        assert client.got == [(b"1;\n", era - 1), (b"before;\n", era - 1), (b"behind;\n", era + 1)]
+
+    play(tmp_path / "socket", scene)
+
+
+def test_what_a_client_has_sent_that_is_not_read_is_of_the_era_in_which_it_sent_it(tmp_path: Path) -> None:
+    async def scene(client: Client) -> None:
+        line = b"/*" + b"x" * 4000 + b"*/ 1;\n"
+        rest = memoryview(b"sleep(0.3s);\n" + line * (3 * MAX_PENDING_INPUT // len(line)))
+        client.end.setblocking(False)
+        began = client.scheduler.era
+
+        def send_all() -> bool:
+            nonlocal rest
+            try:
+                rest = rest[client.end.send(rest) :]
+            except BlockingIOError:
+                return client.lobby.shell.waiting > MAX_PENDING_INPUT
+            return not rest
+
+        await client.until(send_all)
+        client.scheduler.begin_era()
+        await client.until(lambda: send_all() and not rest and not client.lobby.shell.waiting)
+        assert {ordered for _, ordered in client.got} == {began}
+        # It has caught up: what comes now is new.
+        client.end.send(b"1;\n")
+        await client.until(lambda: client.got[-1][0] == b"1;\n")
+        client.end.send(b"2;\n")
+        await client.until(lambda: client.got[-1] == (b"2;\n", began + 1))
+
+    play(tmp_path / "socket", scene)
