@@ -103,6 +103,13 @@ def hold_here(bus: ServoBus, member: Member) -> None:
         member.written.update(goal)
 
 
+def give_back(cycle: Cycle, numbers: Iterable[int]) -> None:
+    """Write what servos that are back may have forgotten; it goes before any goal. Raises LinkGone."""
+    members = [cycle.members[number] for number in numbers]
+    values = {member.device.id: member.kept.given_back(member.device.mode) for member in members if member.has_motor}
+    _write(cycle.bus, members, values)
+
+
 def execute_pending_stops(cycle: Cycle) -> None:
     """Execute the pending stops of joints that answer again. Raises LinkGone."""
     pending = [member for member in cycle.motors() if member.stop_pending and member.health.state == "ok"]
