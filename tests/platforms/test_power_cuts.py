@@ -8,6 +8,7 @@ from __future__ import annotations
 import pytest
 from test_bounded_by_body import CHAINS, GRAIN, MARGIN, Chain
 
+from urbihw_fakes.dynamixel.xseries import XSeries
 from urbihw_fakes.feetech.servo import FeetechServo
 
 _KINDS = (*CHAINS, "XL-320:6")
@@ -71,8 +72,6 @@ def test_what_bounds_a_motion_is_given_back_after_a_power_cut() -> None:
         return [lab.register(*each) for each in named]
 
     before = bounds()
-    heard: list[str] = []
-    lab.robot.log.warning = lambda text, *values: heard.append(text % values)
     _cut(lab, 0.03)
     assert not set(bounds()) & set(before)
     # The interpreter does nothing meanwhile: the worker itself writes them.
@@ -84,7 +83,9 @@ def test_a_torque_that_an_alarm_takes_is_not_given_back_as_after_a_power_cut() -
     """It stays off, and the servo is not lost: its registers are what they were."""
     lab = Chain.ready("XL330-M288:3")
     lab.say("motor3.load = 1|; motor3.speed = 1|; motor3.val = 1|;", 0.5)
-    lab.kit[3].overload()
+    servo = lab.kit[3]
+    assert isinstance(servo, XSeries)
+    servo.overload()
     lab.run(1.0)
     assert lab.look("motor3.state") == '"alarm"'
     assert not _has_torque(lab, 3)

@@ -337,7 +337,7 @@ class Cycle:
                 self.bus.protocols[number] = 3 - protocol
             return
         member.drop_targets()
-        member.in_doubt = False
+        member.come_back(self.bus.clock.now())
         change = member.health.record_probe(self.bus.clock.now(), True)
         if change is not None:
             tick.changes.append((number, change))

@@ -182,7 +182,7 @@ class ServoDriver(Driver):
         if not cycle.members:
             return self._scan_if_due(cycle, now)
         for member in cycle.motors():
-            member.yield_profile()
+            member.yield_profile(now)
         tick = cycle.tick(now, meanwhile, urgent)
         self._request_toss_if_silent(cycle, now)
         execute_pending_stops(cycle)

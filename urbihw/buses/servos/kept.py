@@ -2,7 +2,7 @@
 
 A servo that was without power for a moment answers again as if nothing had been: its speed on the way to a goal, its
 acceleration and its torque limit are those of a start, and its torque is off. Some of these registers are read with
-the torque, each time that this is read: a value that has changed although nobody has written it tells of a start.
+the torque, each time that this is read: a value that has changed, and was not written, tells of a start.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class KeptRegisters:
         self.witnesses = tuple(name for name in _BOUNDS if name in self._written)
 
     def has_lost(self, values: Mapping[str, int]) -> bool:
-        """Take a reading; return whether one of the witnesses has changed, and nobody has written it.
+        """Take a reading; return whether one of the witnesses has changed, and was not written.
 
         An alarm takes the force away by itself: an effort of 0 tells nothing.
         """

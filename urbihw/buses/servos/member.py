@@ -33,6 +33,9 @@ WATCHDOG_CHECK_PERIOD_S: Final = 0.2
 """Seconds between two readings of an armed watchdog; the reading also resets it."""
 FOLLOW_S: Final = 0.3
 """Seconds for which the position of a joint is read with each tick after its goal was bound to it."""
+YIELD_S: Final = 0.3
+"""Seconds for which a servo that answers again takes goals at once, if no motion is asked for: its own goal may have to
+come from far."""
 FIRED: Final = -1
 """The watchdog's value after it has stopped the servo; the servo accepts no goals until 0 is written."""
 
@@ -101,6 +104,7 @@ class Member:
         self.profile: int | None = None
         self._profile_kept: int | None = None
         self._own_pace = math.inf
+        self._yields_until = -math.inf
         self._moves_next = False
         self.follower = ServoFollower(*self._follows())
         self._watchdog_check_due = 0.0
@@ -191,7 +195,7 @@ class Member:
 
     def has_restarted(self, values: Mapping[str, int], alarmed: bool) -> bool:
         """Take a reading; return whether it tells that the servo was without power: its torque is off, or one of its
-        registers has changed, and nobody has done that. An alarm (`alarmed`) takes the torque, too.
+        registers has changed, and neither was written. An alarm (`alarmed`) takes the torque, too.
         """
         went_limp = bool(self.stiff) and values.get(TORQUE) == 0 and not alarmed
         if TORQUE in values:
@@ -249,18 +253,42 @@ class Member:
         self.goal = self.stiff = None
         self.follower.forget()
 
-    def yield_profile(self) -> None:
+    def come_back(self, now: float) -> None:
+        """It answers again: meanwhile it may have been turned by hand, and its own goal stayed behind."""
+        self.in_doubt = False
+        self._yields_until = now + YIELD_S
+
+    def yield_profile(self, now: float) -> None:
         """Let the servo take a goal at once while something disturbs the joint, and at its own speed again after that.
 
         A servo with a profile leads its own goal to the one that it is given, which a hand may overtake: when the hand
         lets go, that goal is far behind.
         """
-        if self.follower.disturbed_since is None:
+        if not self._gives_way(now):
             if self._profile_kept is not None and self.health.state == "ok":
                 self.pending[PROFILE] = self._profile_kept
-        elif self.profile and GOAL in self.pending and self._is_unlimited_at_zero(PROFILE):
-            self._profile_kept = self.profile
+        elif GOAL in self.pending and self._yields():
             self.pending[PROFILE] = 0
+
+    def hold_at(self, goal: int, now: float) -> dict[str, int]:
+        """Return the targets that hold a joint at a goal, which is taken at once if something disturbs it."""
+        self.goal = goal
+        self._moves_next = False
+        if not self._gives_way(now) or not self._yields():
+            return {GOAL: goal}
+        self.profile = 0
+        return {PROFILE: 0, GOAL: goal}
+
+    def _gives_way(self, now: float) -> bool:
+        """Return whether the joint is disturbed, or was out of sight a moment ago, and no motion of it is asked for."""
+        return self.follower.disturbed_since is not None or (now < self._yields_until and not self._moves_next)
+
+    def _yields(self) -> bool:
+        """Return whether its profile must be switched off for a goal that is taken at once; it is kept then."""
+        if not self.profile or not self._is_unlimited_at_zero(PROFILE):
+            return False
+        self._profile_kept = self.profile
+        return True
 
     def _is_unlimited_at_zero(self, name: str) -> bool:
         return math.isinf(unit_of(self.table.item(name)).to_si(0))
