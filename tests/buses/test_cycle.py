@@ -49,7 +49,7 @@ def test_neighbours_share_a_sync_write_that_travels_with_the_first_read(rig: Rig
     cycle.tick(now)
     sent = rig.sent()
     assert sent[0] == (
-        "FF FF FE 0E 83 1E 04 01 00 02 64 00 02 2C 01 C8 00 F0 FF FF FE 07 83 22 02 03 E8 03 65 FF FF 01 04 02 24 06 CE"
+        "FF FF FE 0E 83 1E 04 01 00 02 64 00 02 2C 01 C8 00 F0 FF FF FE 07 83 22 02 03 E8 03 65 FF FF 01 04 02 20 0A CE"
     )
     assert len(sent) == 18
     cycle.tick(rig.clock.now() + PERIOD)

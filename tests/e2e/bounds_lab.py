@@ -146,6 +146,20 @@ def _turn_away(bench: Bench) -> None:
         time.sleep(1.5)
 
 
+def _cut_power(bench: Bench) -> None:
+    """The servo is without power for 50 ms, and then gets another goal."""
+    end = bench.body.end
+    bench.client.say(bench.go)
+    time.sleep(1.5)
+    bench.watcher.samples.clear()
+    end.call(lambda: end.device.power_off(end.clock()))
+    time.sleep(0.05)
+    end.call(lambda: end.device.power_on(end.clock()))
+    time.sleep(0.3)
+    bench.client.say("motor1.load = 1; motor1.val = -0.9;")
+    time.sleep(2.0)
+
+
 def _neighbour(bench: Bench) -> None:
     bench.client.say(bench.go)
     other = Client(bench.daemon.port)
@@ -180,6 +194,7 @@ BOUND_CASES = (
     BoundCase("held joint let go, `speed:0.5`", "motor1.val = 0.9 speed:0.5,", 0.5, _let_go),
     BoundCase("standing joint turned by hand and let go, limit of 1 rad/s", _STAND, 1.0, _turn_away, _LIMIT),
     BoundCase("the same, while an emergency stop holds", f"{_STAND} ROBOT.estop = true;", 0.0, _turn_away, _LIMIT),
+    BoundCase("power cut for 50 ms, `motor1.speed = 1`", "motor1.speed = 1; motor1.val = 0.9;", 1.0, _cut_power),
     BoundCase("neighbour holds the interpreter 0.8 s, `speed:0.5`", "motor1.val = 1.5 speed:0.5,", 0.5, _neighbour),
     BoundCase("neighbour holds the interpreter 0.8 s, `smooth:4s`", "motor1.val = 1.5 smooth:4s,", 0.59, _neighbour),
     BoundCase("limits reloaded: 1 rad/s for a wheel at 4", _WHEEL, 1.0, _reload),

@@ -158,6 +158,10 @@ def _turn_drive(device: Any) -> None:
         machine.control(word)
 
 
+def _push_joystick(base: Any) -> None:
+    base.body.forward.set_speed(0.3)
+
+
 def _walk(robot: Any) -> None:
     robot.body.drive((0.1, 0.0, 0.0))
 
@@ -173,7 +177,7 @@ RIGS = (
     Rig("Segway RMP", "segway", _segway, "rmp.forwardSpeed = 0.5;", 0.4, rest=0.005, unit="m"),
     Rig(
         "Pioneer 3-DX", "p3dx", _p3dx, "P3dx.body.x.speed = 0.3;", 0.25,
-        prepare="P3dx.body.load = 1;", until="P3dx.body.load == 1", rest=0.005, unit="m",
+        prepare="P3dx.body.load = 1;", until="P3dx.body.load == 1", rest=0.005, unit="m", other=_push_joystick,
     ),
     Rig(
         "CiA 402 drive", "cia402", _cia402, "drive5.speed = 6;", 300,

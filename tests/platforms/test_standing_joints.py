@@ -200,3 +200,30 @@ def test_without_a_limit_and_a_speed_a_joint_comes_back_as_it_can() -> None:
     lab.turn(AWAY, 0.4)
     assert min(lab.fastest(1.0).values()) > 3.0
     assert _near(lab.places(), PLACE)
+
+
+@pytest.mark.parametrize("noted", ["it holds", "it is led"])
+def test_a_joint_that_a_hand_has_turned_out_of_sight_does_not_leap_when_it_is_let_go(noted: str) -> None:
+    """A servo with a profile leads a goal of its own, which is far behind when the servo answers again."""
+    lab = Chain.ready("XL430-W250:1,XL330-M288:2,XM430-W350:3", limits={"speed": 1.0})
+    lab.say_all("motor#.load = 1|; motor#.val = 0.9|;", 0.6 if noted == "it holds" else 1.8)
+    for number in lab.numbers:
+        lab.kit.faults.start("silence", number)
+    lab.hold(True)
+    for _ in range(30):
+        lab.kit.tick(lab.bus_clock.now())
+        for unit in lab.kit:
+            turn_horn(unit, -0.02)
+        lab.step()
+    for number in lab.numbers:
+        lab.kit.faults.stop("silence", number)
+    while any(lab.look(f"motor{number}.state") != '"ok"' for number in lab.numbers):
+        lab.step()
+    lab.run(0.05)
+    lab.hold(False)
+    most = lab.fastest(1.0)
+    assert all(speed <= MARGIN + GRAIN for speed in most.values()), most
+    lab.say_all("motor#.val = 0|;", 2.5)
+    assert all(abs(lab.place(number)) < 0.03 for number in lab.numbers)
+    speeds = [lab.register(number, "profile_velocity") for number in lab.numbers]
+    assert all(speeds), speeds

@@ -26,12 +26,14 @@ from urbihw.buses.servos import packet, plan
 from urbihw.buses.servos.bus import ServoBus
 from urbihw.buses.servos.device import ServoDevice
 from urbihw.buses.servos.health import Change
-from urbihw.buses.servos.member import EFFORTS, FIRED, PLACE, WATCHDOG, BlockQuestion, Member
+from urbihw.buses.servos.kept import EFFORTS
+from urbihw.buses.servos.member import FIRED, PLACE, WATCHDOG, BlockQuestion, Member
 from urbihw.buses.servos.plan import Block
 from urbihw.buses.servos.scan import identify
 from urbihw.buses.servos.status import Status, state_of
 
 STATE_ITEM = "state"
+_RESTARTED = "it has started anew: it was without power for a moment, or its torque went off by itself"
 # A retry may start only within this share of the tick, so that one bad device does not take the time of the others.
 _RETRY_SHARE = 0.6
 _CHECKSUM_1 = 0x10
@@ -145,8 +147,8 @@ class Cycle:
         """Return the packets of all changed targets, and mark these as sent."""
         alike: dict[tuple[str, tuple[str, ...]], list[Member]] = {}
         for member in self.members.values():
-            if member.pending:
-                alike.setdefault((member.table.name, tuple(member.pending)), []).append(member)
+            if member.pending and (due := member.sendable()):
+                alike.setdefault((member.table.name, tuple(due)), []).append(member)
         if not alike:
             return b""
         groups: dict[int, list[plan.WriteGroup]] = {}
@@ -155,7 +157,7 @@ class Cycle:
             if runs is None:
                 runs = self._runs[key] = plan.write_runs(members[0].table, key[1])
             protocol = members[0].device.protocol
-            groups.setdefault(protocol, []).append((runs, [(each.device.id, each.pending) for each in members]))
+            groups.setdefault(protocol, []).append((runs, [(each.device.id, each.sendable()) for each in members]))
         packets = [each for protocol, one in groups.items() for each in plan.sync_writes(protocol, one)]
         for members in alike.values():
             for member in members:
@@ -258,6 +260,9 @@ class Cycle:
 
     def _store_answer(self, member: Member, block: Block, status: Status, tick: Tick) -> None:
         number = status.device
+        if member.health.state == "lost":
+            # Lost during this tick: only a probe brings it back.
+            return
         change = member.health.record_answer()
         if change is not None:
             tick.changes.append((number, change))
@@ -266,6 +271,9 @@ class Cycle:
             self.bus.counters.refused += 1
             return
         values = block.unpack(status.params)
+        if member.has_restarted(values, alarmed=bool(status.state)):
+            self._lose_restarted(member, tick)
+            return
         member.note_state(values, self.bus.clock.now())
         if PLACE in values:
             member.add_place(values[PLACE], self.bus.clock.now())
@@ -285,8 +293,18 @@ class Cycle:
             return
         tick.times[number] = self.bus.clock.now()
 
+    def _lose_restarted(self, member: Member, tick: Tick) -> None:
+        """A servo that has started anew is lost, and comes back with the next tick: what it has forgotten is written
+        before it gets any goal, and that begins where it is then."""
+        now = self.bus.clock.now()
+        self._note_loss(member, member.health.declare_lost(now, _RESTARTED), tick)
+        member.health.next_probe = now
+
     def _record_miss(self, member: Member, reason: str, tick: Tick) -> None:
-        change = member.health.record_miss(self.bus.clock.now(), reason)
+        member.in_doubt = member.has_motor
+        self._note_loss(member, member.health.record_miss(self.bus.clock.now(), reason), tick)
+
+    def _note_loss(self, member: Member, change: Change | None, tick: Tick) -> None:
         if change is not None:
             tick.changes.append((member.device.id, change))
             if change.new == "lost":
@@ -319,6 +337,7 @@ class Cycle:
                 self.bus.protocols[number] = 3 - protocol
             return
         member.drop_targets()
+        member.come_back(self.bus.clock.now())
         change = member.health.record_probe(self.bus.clock.now(), True)
         if change is not None:
             tick.changes.append((number, change))

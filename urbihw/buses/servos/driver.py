@@ -34,6 +34,7 @@ from urbihw.buses.servos.bus import ServoBus
 from urbihw.buses.servos.cycle import Cycle, Tick
 from urbihw.buses.servos.device import DeviceInfo, ServoDevice, ServoScan, describe_devices, info_of, same_kind
 from urbihw.buses.servos.item import magnitude_of, number_of
+from urbihw.buses.servos.kept import KeptRegisters
 from urbihw.buses.servos.member import GOAL, WATCHDOG_COUNTS, Member
 from urbihw.buses.servos.options import ServoBusOptions
 from urbihw.buses.servos.plan import TORQUE
@@ -43,6 +44,7 @@ from urbihw.buses.servos.stop import (
     StopPatrol,
     execute_pending_stops,
     full_stop,
+    give_back,
     hold_here,
     safe_stop,
     stop_what_moves,
@@ -85,6 +87,7 @@ class ServoDriver(Driver):
         self._unread: set[int] = set()
         self._urgent: Callable[[], bool] = no_stop
         self._moved: set[int] = set()
+        self._kept: dict[int, KeptRegisters] = {}
         self._watches: dict[tuple[int, str], float] = {}
         self._next_scan_at = 0.0
         self._told: dict[int, DeviceInfo] = {}
@@ -164,9 +167,10 @@ class ServoDriver(Driver):
             self.identity = describe_devices(found)
 
     def detach(self) -> None:
-        """Drop the cycle and its targets; remember which servos were moved."""
+        """Drop the cycle and its targets; remember which servos were moved, and what was written to them."""
         if self._cycle is not None:
             self._moved = {number for number, member in self._cycle.members.items() if member.moved}
+            self._kept |= {number: member.kept for number, member in self._cycle.members.items()}
             self._cycle = None
 
     def tick(self, now: float, meanwhile: Callable[[], None], urgent: Callable[[], bool] = no_stop) -> list[FromWorker]:
@@ -178,7 +182,7 @@ class ServoDriver(Driver):
         if not cycle.members:
             return self._scan_if_due(cycle, now)
         for member in cycle.motors():
-            member.yield_profile()
+            member.yield_profile(now)
         tick = cycle.tick(now, meanwhile, urgent)
         self._request_toss_if_silent(cycle, now)
         execute_pending_stops(cycle)
@@ -193,6 +197,7 @@ class ServoDriver(Driver):
             # It waits for no answer: one that is missing must not end the tick.
             safe_stop(cycle, torque_off=True, devices=bodies.slack)
         back = [number for number, change in tick.changes if change.new == "back"]
+        give_back(cycle, back)
         clear_watchdogs(cycle, [number for number in back if has_fired(cycle.members[number].device)])
         found = self._newly_found(cycle, tick) + self._changed_devices(cycle, back)
         return found + _tick_messages(tick) + bodies.reports
@@ -392,12 +397,22 @@ class ServoDriver(Driver):
         clear_watchdogs(cycle, [device.id for device in outcome.devices if has_fired(device)])
         for number in self._moved & cycle.members.keys():
             cycle.members[number].moved = True
+        self._keep_registers(cycle, [device.id for device in outcome.devices])
         for (device_id, item), period in list(self._watches.items()):
             if device_id not in cycle.members:
                 # It may come back with the robot that it belongs to.
                 continue
             messages += self.watch(Watch(device_id, (item,), period), now)
         return messages
+
+    def _keep_registers(self, cycle: Cycle, there: Iterable[int]) -> None:
+        """Servos that are still of the model that they were have what was written to them; those that are there get it
+        again, since they may have been without power."""
+        for number in self._kept.keys() & cycle.members.keys():
+            device, before = cycle.members[number].device, self._told.get(number)
+            if before is not None and before.family == info_of(device).family:
+                cycle.members[number].kept = self._kept[number]
+        give_back(cycle, there)
 
     def _newly_found(self, cycle: Cycle, tick: Tick) -> list[FromWorker]:
         """Return `Found` for expected devices that answer for the first time."""

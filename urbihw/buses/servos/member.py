@@ -19,6 +19,7 @@ from urbihw.buses.servos.device import ServoDevice
 from urbihw.buses.servos.following import ServoFollower
 from urbihw.buses.servos.health import Health
 from urbihw.buses.servos.item import ControlTable, ShaftMotion, is_place
+from urbihw.buses.servos.kept import EFFORTS, OWN_SPEEDS, PROFILE, KeptRegisters
 from urbihw.buses.servos.plan import TORQUE, Block, read_blocks
 from urbihw.buses.servos.units import unit_of
 
@@ -30,17 +31,11 @@ WATCHDOG_COUNTS: Final = 25
 instruction."""
 WATCHDOG_CHECK_PERIOD_S: Final = 0.2
 """Seconds between two readings of an armed watchdog; the reading also resets it."""
-EFFORTS: Final = {
-    "torque_limit": "", "position_p_gain": "", "p_gain": "", "goal_pwm": "pwm_limit", "goal_current": "current_limit",
-}
-"""Registers without which a joint has no force: while one of them is 0, it is as limp as without torque -> the register
-that a model must have for it; without that, the register counts in another mode only."""
-PROFILE: Final = "profile_velocity"
-"""The speed at which a servo leads its own goal to the one that it is given."""
-OWN_SPEEDS: Final = (PROFILE, "moving_speed", "goal_speed")
-"""Registers of the speed of a joint on its way to a goal; a model has one of them."""
 FOLLOW_S: Final = 0.3
 """Seconds for which the position of a joint is read with each tick after its goal was bound to it."""
+YIELD_S: Final = 0.3
+"""Seconds for which a servo that answers again takes goals at once, if no motion is asked for: its own goal may have to
+come from far."""
 FIRED: Final = -1
 """The watchdog's value after it has stopped the servo; the servo accepts no goals until 0 is written."""
 
@@ -82,6 +77,8 @@ class Member:
         armed: its bus watchdog is running.
         follower: how its shaft follows its goal.
         limp_by: the registers of EFFORTS that are 0.
+        kept: what it forgets with its power.
+        in_doubt: an answer was missing: it may have been without power since, and gets no goal until it was looked at.
     """
 
     def __init__(self, device: ServoDevice) -> None:
@@ -100,11 +97,14 @@ class Member:
         self.state = 0
         self.armed = device.setup.get(WATCHDOG, 0) > 0
         self.limp_by: set[str] = set()
+        self.kept = KeptRegisters()
+        self.in_doubt = False
         self._followed_until = -math.inf
         self._asks_for_goal = False
         self.profile: int | None = None
         self._profile_kept: int | None = None
         self._own_pace = math.inf
+        self._yields_until = -math.inf
         self._moves_next = False
         self.follower = ServoFollower(*self._follows())
         self._watchdog_check_due = 0.0
@@ -193,6 +193,15 @@ class Member:
         is_sure = self.stiff and (since is None or self.stiff_at >= since or self.device.protocol != 1)
         return self.goal if self.goal is not None and is_sure else math.nan
 
+    def has_restarted(self, values: Mapping[str, int], alarmed: bool) -> bool:
+        """Take a reading; return whether it tells that the servo was without power: its torque is off, or one of its
+        registers has changed, and neither was written. An alarm (`alarmed`) takes the torque, too.
+        """
+        went_limp = bool(self.stiff) and values.get(TORQUE) == 0 and not alarmed
+        if TORQUE in values:
+            self.in_doubt = False
+        return self.kept.has_lost(values) or went_limp
+
     def note_state(self, values: Mapping[str, int], now: float) -> None:
         """Take goal and torque, as written or as read."""
         if TORQUE in values:
@@ -244,18 +253,42 @@ class Member:
         self.goal = self.stiff = None
         self.follower.forget()
 
-    def yield_profile(self) -> None:
+    def come_back(self, now: float) -> None:
+        """It answers again: meanwhile it may have been turned by hand, and its own goal stayed behind."""
+        self.in_doubt = False
+        self._yields_until = now + YIELD_S
+
+    def yield_profile(self, now: float) -> None:
         """Let the servo take a goal at once while something disturbs the joint, and at its own speed again after that.
 
         A servo with a profile leads its own goal to the one that it is given, which a hand may overtake: when the hand
         lets go, that goal is far behind.
         """
-        if self.follower.disturbed_since is None:
+        if not self._gives_way(now):
             if self._profile_kept is not None and self.health.state == "ok":
                 self.pending[PROFILE] = self._profile_kept
-        elif self.profile and GOAL in self.pending and self._is_unlimited_at_zero(PROFILE):
-            self._profile_kept = self.profile
+        elif GOAL in self.pending and self._yields():
             self.pending[PROFILE] = 0
+
+    def hold_at(self, goal: int, now: float) -> dict[str, int]:
+        """Return the targets that hold a joint at a goal, which is taken at once if something disturbs it."""
+        self.goal = goal
+        self._moves_next = False
+        if not self._gives_way(now) or not self._yields():
+            return {GOAL: goal}
+        self.profile = 0
+        return {PROFILE: 0, GOAL: goal}
+
+    def _gives_way(self, now: float) -> bool:
+        """Return whether the joint is disturbed, or was out of sight a moment ago, and no motion of it is asked for."""
+        return self.follower.disturbed_since is not None or (now < self._yields_until and not self._moves_next)
+
+    def _yields(self) -> bool:
+        """Return whether its profile must be switched off for a goal that is taken at once; it is kept then."""
+        if not self.profile or not self._is_unlimited_at_zero(PROFILE):
+            return False
+        self._profile_kept = self.profile
+        return True
 
     def _is_unlimited_at_zero(self, name: str) -> bool:
         return math.isinf(unit_of(self.table.item(name)).to_si(0))
@@ -297,19 +330,28 @@ class Member:
         if any(raw and self.must_arm_watchdog(name) for name, raw in self.written.items()):
             self.pending[WATCHDOG] = WATCHDOG_COUNTS
 
+    def sendable(self) -> Mapping[str, int]:
+        """Return the targets to send now: while it is in doubt where and how a joint is, its goal waits."""
+        if not self.in_doubt or GOAL not in self.pending:
+            return self.pending
+        return {name: raw for name, raw in self.pending.items() if name != GOAL}
+
     def mark_sent(self, now: float) -> None:
-        """Record that the pending targets are on the wire."""
-        self.moved = self.moved or self._moves_next
-        self._moves_next = False
+        """Record that the `sendable` targets are on the wire."""
+        sent = dict(self.sendable())
+        self.pending = {name: raw for name, raw in self.pending.items() if name not in sent}
+        if not self.pending:
+            self.moved = self.moved or self._moves_next
+            self._moves_next = False
         # Kept apart from `written`: a stop clears that, while the watchdog keeps running.
-        self.armed = self.armed or bool(self.pending.pop(WATCHDOG, 0))
-        for name in EFFORTS.keys() & self.pending.keys():
-            self.note_effort(name, self.pending[name])
-        if self.pending.get(PROFILE):
+        self.armed = self.armed or bool(sent.pop(WATCHDOG, 0))
+        for name in EFFORTS.keys() & sent.keys():
+            self.note_effort(name, sent[name])
+        if sent.get(PROFILE):
             self._profile_kept = None
-        self.note_state(self.pending, now)
-        self.written.update(self.pending)
-        self.pending.clear()
+        self.kept.record(self.table, self.device.mode, sent)
+        self.note_state(sent, now)
+        self.written.update(sent)
 
     def record_write(self, name: str, raw: int, now: float) -> None:
         """Record the write of one item by a request, so that `written` and `setup` agree with the device."""
@@ -321,6 +363,7 @@ class Member:
             self.moved = self.stop_pending = False
         if name in EFFORTS:
             self.note_effort(name, raw)
+        self.kept.record(self.table, self.device.mode, {name: raw})
         self.note_state({name: raw}, now)
         if name == PROFILE:
             self._profile_kept = None
@@ -393,12 +436,20 @@ class Member:
         if self._asks_for_goal:
             known = self.table.items
             names = (*names, *(name for name in (GOAL, TORQUE, PROFILE) if name in known and name not in names))
+        names = self._with_witnesses(names)
         if self.armed and self._watchdog_check_due <= now + tolerance:
             # At the same tick for all devices, so that one group read asks them together.
             period = WATCHDOG_CHECK_PERIOD_S
             self._watchdog_check_due = math.floor((now + tolerance) / period + 1) * period
             names = (*names, *(() if WATCHDOG in names else (WATCHDOG,)))
         return names
+
+    def _with_witnesses(self, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Return what is read, and beside the torque what tells whether the servo has forgotten what was written."""
+        if not (self.in_doubt or self.kept.is_unread or TORQUE in names):
+            return names
+        wanted = (*self.kept.witnesses, *((TORQUE,) if self.in_doubt else ()))
+        return (*names, *(name for name in wanted if name not in names))
 
     def is_watched(self, name: str) -> bool:
         """Return whether an item is part of a watch."""

@@ -43,16 +43,17 @@ def safe_stop(cycle: Cycle, torque_off: bool = False, devices: Collection[int] |
     motors = [member for member in cycle.motors() if devices is None or member.device.id in devices]
     for member in motors:
         member.drop_targets()
-    fresh = bus.clock.now() - FRESH_S
+    now = bus.clock.now()
     held = [member for member in motors if _is_moved_joint(member)]
     quick = {m.device.id: values for m in motors if (values := _zero_goal(m))}
-    quick |= {m.device.id: _hold_goal(m) for m in held if m.place_at >= fresh and m.health.state == "ok"}
+    fresh = (m for m in held if m.place_at >= now - FRESH_S and m.health.state == "ok")
+    quick |= {m.device.id: _hold_goal(m, now) for m in fresh}
     _write(bus, motors, quick)
     for member in held:
         if member.device.id in quick:
             member.moved = member.stop_pending = False
         elif member.health.state != "lost" and (known := _read_position(bus, member)) is not None:
-            _write(bus, [member], {member.device.id: _hold_goal(member) if known else {}})
+            _write(bus, [member], {member.device.id: _hold_goal(member, now) if known else {}})
             member.moved = member.stop_pending = False
         else:
             # Its position cannot be read: the stop stays pending until it answers again.
@@ -97,10 +98,17 @@ def hold_here(bus: ServoBus, member: Member) -> None:
     member.pending.pop(GOAL, None)
     if _read_position(bus, member):
         member.follower.forget()
-        goal = _hold_goal(member)
+        goal = _hold_goal(member, bus.clock.now())
         for values in ({TORQUE: 0}, {TORQUE: 1}, goal):
             _write(bus, [member], {member.device.id: values})
         member.written.update(goal)
+
+
+def give_back(cycle: Cycle, numbers: Iterable[int]) -> None:
+    """Write what servos that are back may have forgotten; it goes before any goal. Raises LinkGone."""
+    members = [cycle.members[number] for number in numbers]
+    values = {member.device.id: member.kept.given_back(member.device.mode) for member in members if member.has_motor}
+    _write(cycle.bus, members, values)
 
 
 def execute_pending_stops(cycle: Cycle) -> None:
@@ -202,12 +210,11 @@ def _read_position(bus: ServoBus, member: Member) -> bool | None:
     return True
 
 
-def _hold_goal(member: Member) -> dict[str, int]:
-    """Return the goal that holds a joint where it is, and record it."""
+def _hold_goal(member: Member, now: float) -> dict[str, int]:
+    """Return the targets that hold a joint where it is, and record its goal."""
     if member.place is None:
         return {}
-    member.goal = _within_limits(member, round(member.follower.rest(member.place)))
-    return {GOAL: member.goal}
+    return member.hold_at(_within_limits(member, round(member.follower.rest(member.place))), now)
 
 
 def _within_limits(member: Member, place: int) -> int:
