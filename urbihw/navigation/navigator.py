@@ -37,7 +37,8 @@ from urbihw.navigation.locator import Locator
 from urbihw.navigation.maps import BadMap, Bounds, Map
 from urbihw.navigation.obstacles import ObstacleLayer, closes_path, free_way
 from urbihw.navigation.options import SCAN
-from urbihw.navigation.planner import NoPath, Obstructed, check_goal, plan_around
+from urbihw.navigation.planner import NoPath, Obstructed, Room, check_goal, plan_around
+from urbihw.navigation.standing import is_clear
 from urbihw.navigation.survey import MapSurvey
 
 FAILED, SUCCEEDED, CANCELED = 0.0, 1.0, 2.0
@@ -52,6 +53,10 @@ BLOCKING_RANGE: Final = 1.5
 """Distance in m up to which echoes are marked as obstacles where the robot had to stop."""
 BLIND_TIMEOUT_S: Final = 5.0
 """Seconds without a scan after which a goal, and the pose that scans keep, are given up."""
+LEAST_CLEARANCE: Final = 0.01
+"""Clearance in m between the robot's radius and walls where no wider way leads, of a robot that sees them."""
+NARROW_MARGIN: Final = 0.01
+"""m by which a way counts as narrow only if it is narrower than paths want."""
 SIDE_CLEARANCE: Final = 0.03
 """Clearance in m beside the robot's radius that must be free ahead."""
 
@@ -98,6 +103,7 @@ class Navigator(UObject):
         self._base = base
         self._map: Map | None = None
         self._grid: Grid | None = None
+        self._dropped: frozenset[int] = frozenset()
         self._seen: ObstacleLayer | None = None
         self._goal: Goal | None = None
         self._follower: PathFollower | None = None
@@ -105,6 +111,7 @@ class Navigator(UObject):
         self._planned_at = -math.inf
         self._blind_since = math.inf
         self._work = Background(self.host.post, (BadMap, NoPath))
+        self._changes = Background(self.host.post, ())
         searching, matching = Background(self.host.post, ()), Background(self.host.post, ())
         self._locator = Locator(base.odometry, searching, self._localized, self._lost_pose)
         self._survey = MapSurvey(base.odometry, matching, base.log)
@@ -152,6 +159,7 @@ class Navigator(UObject):
         self.cancel()
         self._work.drop()
         self._map = self._grid = self._seen = None
+        self._dropped = frozenset()
         self.walls.sense([])
         self._locator.use_map(None)
         self.ready.sense(False)
@@ -200,7 +208,9 @@ class Navigator(UObject):
         self._base.log.warning("localization failed: %s", why)
         self.ready.sense(False)
         self.cancel()
-        self._seen = None if self._grid is None else ObstacleLayer(self._grid)
+        if self._grid is not None:
+            self._grid = self._grid.base or self._grid
+            self._seen, self._dropped = ObstacleLayer(self._grid), frozenset()
         self.locFailureEvent.emit(why)
 
     # ---------------------------------------------------------------- where it is
@@ -254,12 +264,27 @@ class Navigator(UObject):
         if self._grid is None or self._seen is None:
             return
         if self._uses_scans():
-            self._locator.take_scan(echoes, scanner.place)
+            self._locator.take_scan(echoes, scanner.place, scanner.stamp)
             self.score.sense(self._locator.score)
         if self.ready.sensed and self._seen is not None:
-            at = compose(self._base.odometry.absolute, (scanner.place, 0.0, 0.0))
+            at = compose(self._base.odometry.absolute_at(scanner.stamp), (scanner.place, 0.0, 0.0))
             self._seen.add_scan(at, echoes, self.host.now())
+            if self._locator.is_sure:
+                self._seen.pass_walls(at, echoes)
+                self._drop_what_is_gone(self._seen)
             self._keep_way_free()
+
+    def _drop_what_is_gone(self, seen: ObstacleLayer) -> None:
+        """Plan from now on without the walls that are gone."""
+        gone, map_ = seen.gone, seen.grid.base or seen.grid
+
+        def changed(grid: Grid) -> None:
+            if seen is self._seen:
+                self._grid = seen.grid = grid
+                self._dropped = gone
+
+        if gone != self._dropped and not self._changes.busy:
+            self._changes.start(lambda: map_.freed(gone), changed, self._map_failed)
 
     def _keep_way_free(self) -> None:
         """Plan again while an obstacle stands on the rest of the path."""
@@ -354,6 +379,11 @@ class Navigator(UObject):
         """Distance in m that paths keep from walls, from the middle of the base."""
         return self._base.radius + self._base.navigation.clearance
 
+    def _room_needed(self) -> Room:
+        """The distances that paths keep; only a robot that sees its walls goes nearer to them than it wants."""
+        clear = self._clearance()
+        return Room(clear, min(clear, self._base.radius + LEAST_CLEARANCE) if self._uses_scans() else clear)
+
     def _tolerance(self) -> Tolerance:
         options = self._base.navigation
         return Tolerance(options.tolerance, math.radians(options.heading_tolerance))
@@ -361,11 +391,11 @@ class Navigator(UObject):
     def _plan(self, goal: Goal) -> None:
         grid = self._grid
         assert grid is not None and self._seen is not None, "the robot knows where it is, so there is a map"
-        start, clearance = self._base.odometry.absolute[:2], self._clearance()
+        start, room = self._base.odometry.absolute[:2], self._room_needed()
         self._planned_at = self.host.now()
         seen = self._seen.points(self._planned_at)
         self._work.start(
-            lambda: plan_around(grid, seen, start, goal.place, clearance),
+            lambda: plan_around(grid, seen, start, goal.place, room),
             lambda path: self._follow_path(goal, path),
             lambda error: self._plan_failed(goal, error),
         )
@@ -382,7 +412,9 @@ class Navigator(UObject):
             self._follower.change_path(path)
             return
         base = self._base
-        follower = PathFollower(path, goal.heading, base.drive.limits, self._pose, self._room, self._tolerance())
+        follower = PathFollower(
+            path, goal.heading, base.drive.limits, self._pose, self._free_way, self._is_narrow, self._tolerance()
+        )
         self._follower = follower
         base.begin_motion(follower)
 
@@ -460,9 +492,13 @@ class Navigator(UObject):
     def _pose(self) -> Pose:
         return self._base.odometry.absolute
 
-    def _room(self, curvature: float) -> float:
+    def _free_way(self, curvature: float, narrow: bool) -> float:
         """Free distance in m ahead of the robot's hull along an arc."""
-        return free_way(self._echoes(), curvature, self._base.radius, SIDE_CLEARANCE)
+        return free_way(self._echoes(), curvature, self._base.radius, 0.0 if narrow else SIDE_CLEARANCE)
+
+    def _is_narrow(self, a: Point, b: Point) -> bool:
+        """Whether the walls of the map leave less room beside a line than paths want."""
+        return self._grid is not None and not is_clear(self._grid, a, b, self._clearance() - NARROW_MARGIN)
 
     def _echoes(self) -> list[Point]:
         """Points that the scanner and other sensors detect now, in m ahead of and to the left of the middle of the
