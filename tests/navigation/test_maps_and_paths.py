@@ -11,7 +11,7 @@ import pytest
 from urbihw.navigation import maps
 from urbihw.navigation.drive import DriveLimits, State
 from urbihw.navigation.follow import BLOCKED_TIMEOUT_S, PathFollower, Tolerance
-from urbihw.navigation.frames import compose, frame_of
+from urbihw.navigation.frames import Point, Pose, compose, frame_of
 from urbihw.navigation.grid import MAX_CELLS, Grid
 from urbihw.navigation.loading import MAX_BOXES, wall_boxes
 from urbihw.navigation.localize import CELL, judge_scan, match_scan
@@ -247,14 +247,27 @@ class Car:
     """A robot without inertia, to follow paths."""
 
     def __init__(self, path: list[tuple[float, float]], heading: float) -> None:
-        self.pose = (*path[0], 0.0)
-        self.room = math.inf
-        self.narrow = False
-        self.follow = PathFollower(
-            path, heading, DriveLimits(), lambda: self.pose, lambda *_: self.room, lambda *_: self.narrow, Tolerance()
-        )
+        self.at: Pose = (*path[0], 0.0)
+        self.room = self.most = math.inf
+        self.follow = PathFollower(path, heading, DriveLimits(), self, Tolerance())
         self.time = 0.0
         self.v = self.w = 0.0
+
+    def pose(self) -> Pose:
+        """Where it is."""
+        return self.at
+
+    def fastest(self) -> float:
+        """What it is allowed."""
+        return self.most
+
+    def free_way(self, curvature: float, narrow: bool) -> float:
+        """What it has before it."""
+        return self.room
+
+    def is_narrow(self, a: Point, b: Point) -> bool:
+        """No way is."""
+        return False
 
     def run(self, seconds: float) -> bool:
         """Whether it arrived (or gave up) within some time."""
@@ -264,9 +277,9 @@ class Car:
             if speeds is None:
                 return True
             self.v, self.w = speeds
-            x, y, heading = self.pose
+            x, y, heading = self.at
             way = self.v * 0.1
-            self.pose = (x + way * math.cos(heading), y + way * math.sin(heading), heading + self.w * 0.1)
+            self.at = (x + way * math.cos(heading), y + way * math.sin(heading), heading + self.w * 0.1)
             self.time += 0.1
         return False
 
@@ -274,8 +287,8 @@ class Car:
 def test_a_path_is_followed_to_its_end_and_heading() -> None:
     car = Car([(0, 0), (2, 0), (2, 2), (0, 2)], math.pi / 2)
     assert car.run(60)
-    assert math.dist(car.pose[:2], (0, 2)) < 0.1
-    assert math.sin(car.pose[2]) > 0.99
+    assert math.dist(car.at[:2], (0, 2)) < 0.1
+    assert math.sin(car.at[2]) > 0.99
     assert not car.follow.blocked
 
 
@@ -283,21 +296,28 @@ def test_something_ahead_is_waited_for_and_then_given_up() -> None:
     car = Car([(0, 0), (3, 0)], 0.0)
     assert not car.run(2)
     car.room = 0.2
-    where = car.pose
+    where = car.at
     assert not car.run(BLOCKED_TIMEOUT_S - 0.5)
-    assert car.pose[0] == pytest.approx(where[0], abs=0.01)
+    assert car.at[0] == pytest.approx(where[0], abs=0.01)
     car.room = math.inf
     assert not car.run(1)
-    assert car.pose[0] > where[0] + 0.1
+    assert car.at[0] > where[0] + 0.1
     car.room = 0.2
     assert car.run(BLOCKED_TIMEOUT_S + 0.3)
     assert car.follow.blocked
 
 
+def test_a_robot_that_is_not_sure_where_it_is_drives_slowly() -> None:
+    car = Car([(0, 0), (3, 0)], 0.0)
+    car.most = 0.1
+    car.run(3)
+    assert 0.2 < car.at[0] < 0.31
+
+
 def test_a_path_behind_the_robot_is_turned_to_first() -> None:
     car = Car([(0, 0), (-2, 0)], 0.0)
     car.run(0.5)
-    assert math.dist(car.pose[:2], (0, 0)) < 0.01 and car.pose[2] != 0
+    assert math.dist(car.at[:2], (0, 0)) < 0.01 and car.at[2] != 0
     assert car.run(40)
 
 

@@ -104,13 +104,23 @@ class Walker:
     """A robot without inertia on a path between walls, which it sees."""
 
     def __init__(self, grid: Grid, path: list[Point], pose: Pose) -> None:
-        self.grid, self.pose = grid, pose
-        self.follow = PathFollower(
-            path, 0.0, DriveLimits(), lambda: self.pose, lambda curvature, narrow: math.inf, self.is_narrow, Tolerance()
-        )
+        self.grid, self.at = grid, pose
+        self.follow = PathFollower(path, 0.0, DriveLimits(), self, Tolerance())
+
+    def pose(self) -> Pose:
+        """Where it is."""
+        return self.at
+
+    def fastest(self) -> float:
+        """As fast as it can."""
+        return math.inf
+
+    def free_way(self, curvature: float, narrow: bool) -> float:
+        """Nothing stands in its way."""
+        return math.inf
 
     def is_narrow(self, a: Point, b: Point) -> bool:
-        """As the navigator's."""
+        """As ``NavigatorView`` has it."""
         return not is_clear(self.grid, a, b, ROOM.clear - 0.01)
 
 
@@ -122,9 +132,9 @@ def test_a_narrow_way_is_driven_slowly_and_without_a_touch(degrees: float) -> No
     nearest, fastest = math.inf, 0.0
     while (speeds := walker.follow.speeds(State(time, v, w))) is not None:
         # What it is told acts one packet later.
-        walker.pose = moved(walker.pose, v * 0.1, w * 0.1)
+        walker.at = moved(walker.at, v * 0.1, w * 0.1)
         (v, w), time = speeds, time + 0.1
-        room = grid.nearest(*walker.pose[:2], 1.0).distance
+        room = grid.nearest(*walker.at[:2], 1.0).distance
         nearest = min(nearest, room)
         if room < 0.28:
             fastest = max(fastest, v)

@@ -7,9 +7,8 @@ sensors see beside it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Protocol
 
 from urbihw.navigation.drive import BRAKING_SHARE, LATENCY_S, DriveLimits, State
 from urbihw.navigation.frames import Point, Pose, wrapped
@@ -57,9 +56,28 @@ class Tolerance:
         return math.dist(pose[:2], place) <= self.distance and abs(wrapped(heading - pose[2])) <= self.heading
 
 
+class PathView(Protocol):
+    """What the robot sees and knows of its way; ``navigation.view.NavigatorView`` is one."""
+
+    def pose(self) -> Pose:
+        """Where it is on the map."""
+        ...
+
+    def fastest(self) -> float:
+        """The most speed in m/s that is allowed now."""
+        ...
+
+    def free_way(self, curvature: float, narrow: bool) -> float:
+        """Free distance in m ahead along an arc (1/m)."""
+        ...
+
+    def is_narrow(self, a: Point, b: Point) -> bool:
+        """Whether there is little room beside a line."""
+        ...
+
+
 class PathFollower:
-    """A motion along a path to a final heading.  ``pose()`` returns the pose of the robot, ``room(curvature, narrow)``
-    the free distance ahead along an arc, in m and 1/m, and ``narrow(a, b)`` whether there is little room beside a line.
+    """A motion along a path to a final heading.
 
     Attributes:
         blocked: the motion has ended because an obstacle stood in the way for too long.
@@ -72,18 +90,14 @@ class PathFollower:
         path: list[Point],
         heading: float,
         limits: DriveLimits,
-        pose: Callable[[], Pose],
-        room: Callable[[float, bool], float],
-        narrow: Callable[[Point, Point], bool],
+        view: PathView,
         tolerance: Tolerance,
     ) -> None:
         self.path = path
         self.blocked = False
         self._heading = heading
         self._limits = limits
-        self._pose = pose
-        self._room = room
-        self._narrow = narrow
+        self._view = view
         self._arrived = min(ARRIVED, ARRIVED_SHARE * tolerance.distance)
         self._arrived_turn = min(ARRIVED_TURN, ARRIVED_SHARE * tolerance.heading)
         self._leg = 0
@@ -98,12 +112,12 @@ class PathFollower:
 
     def rest(self) -> list[Point]:
         """The rest of the path, from the robot on."""
-        x, y, _ = self._pose()
+        x, y, _ = self._view.pose()
         return [(x, y), *self.path[self._leg + 1 :]]
 
     def speeds(self, state: State) -> tuple[float, float] | None:
         """Return the speeds towards the next point of the path, or of the final turn at its end."""
-        x, y, heading = self._pose()
+        x, y, heading = self._view.pose()
         limits = self._limits
         end = self.path[-1]
         if self._turning_in or math.dist((x, y), end) <= self._arrived:
@@ -116,7 +130,7 @@ class PathFollower:
             self._waiting_since = None
             return 0.0, self._turn(off, state.w)
         turn = min(limits.cruise_turn, limits.fastest_turn)
-        fastest = min(limits.cruise, limits.fastest, NARROW_SPEED if narrow else math.inf)
+        fastest = min(limits.cruise, limits.fastest, self._view.fastest(), NARROW_SPEED if narrow else math.inf)
         cruise = fastest * math.cos(off)
         w, room = self._steer(max(-turn, min(turn, STEERING_GAIN * off)), cruise, narrow)
         stop = NARROW_STOP_DISTANCE if narrow else STOP_DISTANCE
@@ -130,10 +144,10 @@ class PathFollower:
 
     def _steer(self, w: float, v: float, narrow: bool) -> tuple[float, float]:
         """The yaw rate nearest to a wanted one that leaves the way free, or the wanted one; and the free way."""
-        first = room = self._room(w / v, narrow)
+        first = room = self._view.free_way(w / v, narrow)
         if narrow and room < NARROW_STOP_DISTANCE:
             for evasion in EVASIONS[1:]:
-                room = self._room((w + evasion) / v, narrow)
+                room = self._view.free_way((w + evasion) / v, narrow)
                 if room >= NARROW_STOP_DISTANCE:
                     return w + evasion, room
         return w, first
@@ -174,7 +188,7 @@ class PathFollower:
         done = max(0.0, min(1.0, _along(a, b, at))) * length
         first, last = max(0.0, done - NARROW_BEFORE), done + NARROW_AHEAD
         while True:
-            if length and self._narrow(_between(a, b, first / length), _between(a, b, min(1.0, last / length))):
+            if length and self._view.is_narrow(_between(a, b, first / length), _between(a, b, min(1.0, last / length))):
                 return True
             leg += 1
             first, last = 0.0, last - length
