@@ -29,7 +29,7 @@ from urbihw.kernel import Kernel
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.uobject import DeviceError, RobotSettings
 from urbihw.navigation.grid import Grid
-from urbihw.navigation.planner import plan
+from urbihw.navigation.planner import Room, plan
 from urbihw.platforms import find
 from urbihw.platforms.p3dx import sip
 from urbihw.platforms.p3dx.driver import ArcosDriver
@@ -235,7 +235,7 @@ def planner() -> None:
     other = threading.Thread(target=wake)
     other.start()
     start = time.perf_counter()
-    path = plan(grid, (1, 1), (18, 18), 0.3)
+    path = plan(grid, (1, 1), (18, 18), Room(0.3, 0.3))
     planned = time.perf_counter() - start
     over.set()
     other.join()

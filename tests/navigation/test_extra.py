@@ -15,6 +15,9 @@ from urbihw.extras import install_command
 from urbihw.navigation import extra, grid, planner
 from urbihw.navigation.frames import Point
 from urbihw.navigation.grid import Grid
+from urbihw.navigation.planner import Room, plan
+
+ROOM = Room(0.2, 0.2)
 
 
 @pytest.fixture
@@ -53,9 +56,9 @@ def test_a_grid_without_walls_has_them_nowhere() -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_both_planners_find_ways_of_the_same_length(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     made = maze(seed)
-    quick = length(planner.plan(made, (0.3, 0.3), (9.7, 9.7), 0.2))
+    quick = length(plan(made, (0.3, 0.3), (9.7, 9.7), ROOM))
     monkeypatch.setattr(planner, "load_arrays", lambda: None)
-    assert length(planner.plan(made, (0.3, 0.3), (9.7, 9.7), 0.2)) == pytest.approx(quick, rel=0.08)
+    assert length(plan(made, (0.3, 0.3), (9.7, 9.7), ROOM)) == pytest.approx(quick, rel=0.08)
 
 
 def length(path: list[Point]) -> float:
@@ -83,13 +86,13 @@ def test_without_any_planner_the_extra_is_named(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(grid, "load_arrays", lambda: None)
     monkeypatch.setitem(__import__("sys").modules, "pathfinding.core.grid", None)
     with pytest.raises(planner.NoPath, match="needs numpy and scipy: " + re.escape(install_command("navigation"))):
-        planner.plan(maze(1), (0.3, 0.3), (9.7, 9.7), 0.2)
+        plan(maze(1), (0.3, 0.3), (9.7, 9.7), ROOM)
 
 
 class Eyes:
     """A scanner that is on."""
 
-    place = 0.0
+    place = stamp = 0.0
     wanted = True
 
     def __init__(self) -> None:

@@ -12,6 +12,7 @@ from cart import Garage
 
 from urbihw.extras import install_command
 from urbihw.navigation.base import Echo
+from urbihw.navigation.frames import ORIGIN, compose, frame_of
 from urbihw.navigation.options import SCAN, NavigationOptions
 
 MAP = """2D-Map
@@ -101,7 +102,7 @@ def test_localization_by_scans_needs_a_scanner(garage: Garage, tmp_path: Path) -
 class BlindScanner:
     """A scanner that is on and sees nothing."""
 
-    place = 0.0
+    place = stamp = 0.0
     wanted = True
 
     def __init__(self) -> None:
@@ -268,9 +269,11 @@ def test_a_door_that_is_closed_for_a_while_is_waited_for(
     said: list[str] = []
     while not said and past < 200:
         x, y, _ = garage.cart.pose
-        # A box in the door, which begins at (3, 0) of the cart's own frame.
+        # A box in the door, which begins at (3, 0) of the cart's own frame; its bumpers see only what is ahead.
         shut = past < stays and x < 3 and y < 1
-        garage.cart.near = [(3.0 - x, across - y) for across in (-0.4, -0.2, 0.0, 0.2, 0.4)] if shut else []
+        seen = [frame_of(ORIGIN, garage.cart.pose)] * shut
+        box = [compose(frame, (3.0, across, 0.0))[:2] for frame in seen for across in (-0.4, -0.2, 0.0, 0.2, 0.4)]
+        garage.cart.near = [point for point in box if point[0] > 0]
         said = garage.say("", 0.5) + garage.think()
         past += 0.5
         farthest = max(farthest, garage.cart.pose[1])

@@ -11,14 +11,14 @@ sys.path.append(str(Path(__file__).parents[2]))
 
 pytest.importorskip("mujoco", reason="simulated worlds need the extra mujoco")
 
-from bench import navigation
 from bench.hall import START, Hall
 from bench.hall_body import HallBody
+from bench.trial import Trial
 
 
 def test_a_robot_with_a_body_reaches_its_goals_in_the_hall_and_touches_nothing(tmp_path: Path) -> None:
     hall = Hall(1)
-    trial = navigation.Trial(hall, tmp_path, with_body=True)
+    trial = Trial(hall, tmp_path, with_body=True)
     runs = [trial.drive(goal) for goal in ((5.0, 3.0, 0.0), (9.5, 6.0, 1.5))]
     assert [each.reached for each in runs] == [True, True]
     assert all(each.metres < 0.1 and each.degrees < 6 for each in runs)

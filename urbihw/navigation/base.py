@@ -44,8 +44,12 @@ class PoseEstimate(Protocol):
         """The pose on the map."""
         ...
 
-    def correct(self, pose: Pose) -> None:
-        """Set the pose of the base on the map."""
+    def absolute_at(self, stamp: float) -> Pose:
+        """The pose on the map at some time, s."""
+        ...
+
+    def correct(self, pose: Pose, stamp: float | None = None) -> None:
+        """Set the pose of the base on the map at some time, s, or now."""
         ...
 
 
@@ -56,6 +60,8 @@ class Scanner(Protocol):
     """Distance in m from the middle of the base ahead to the scanner."""
     scanned: Callable[[], None]
     """Called after each scan; the navigator sets it."""
+    stamp: float
+    """Time of the last scan, s."""
     wanted: bool
     """A program has switched it on; it may be connecting, or lost."""
 

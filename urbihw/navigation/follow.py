@@ -1,11 +1,14 @@
-"""Drives along a planned path, and waits in front of obstacles; SI units, no I/O."""
+"""Drives along a planned path, and waits in front of obstacles; SI units, no I/O.
+
+Where the path is narrow the robot drives slowly, goes to each corner before it turns, and steers aside from what its
+sensors see beside it.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Protocol
 
 from urbihw.navigation.drive import BRAKING_SHARE, LATENCY_S, DriveLimits, State
 from urbihw.navigation.frames import Point, Pose, wrapped
@@ -26,6 +29,16 @@ STOP_DISTANCE: Final = 0.3
 """Distance in m to an obstacle ahead at which the robot waits until it is gone."""
 BLOCKED_TIMEOUT_S: Final = 3.0
 """Seconds of waiting after which the path is blocked."""
+NARROW_SPEED: Final = 0.12
+"""m/s on the narrow parts of a path."""
+NARROW_LOOKAHEAD, NARROW_STOP_DISTANCE = 0.2, 0.08
+"""As LOOKAHEAD and STOP_DISTANCE, there."""
+NARROW_TURN: Final = 0.12
+"""Course error in rad above which the robot turns on the spot there."""
+NARROW_BEFORE, NARROW_AHEAD = 0.4, 0.7
+"""m of the path behind and ahead of the robot that make it narrow."""
+EVASIONS: Final = (0.0, 0.05, -0.05, 0.1, -0.1, 0.2, -0.2, 0.3, -0.3)
+"""rad/s added to the yaw rate there, of which the first is taken that leaves the way ahead free."""
 STANDING: Final = 0.05
 STANDING_TURN: Final = math.radians(4)
 """Speeds in m/s and rad/s below which the robot counts as standing at its goal."""
@@ -43,9 +56,28 @@ class Tolerance:
         return math.dist(pose[:2], place) <= self.distance and abs(wrapped(heading - pose[2])) <= self.heading
 
 
+class PathView(Protocol):
+    """What the robot sees and knows of its way; ``navigation.view.NavigatorView`` is one."""
+
+    def pose(self) -> Pose:
+        """Where it is on the map."""
+        ...
+
+    def fastest(self) -> float:
+        """The most speed in m/s that is allowed now."""
+        ...
+
+    def free_way(self, curvature: float, narrow: bool) -> float:
+        """Free distance in m ahead along an arc (1/m)."""
+        ...
+
+    def is_narrow(self, a: Point, b: Point) -> bool:
+        """Whether there is little room beside a line."""
+        ...
+
+
 class PathFollower:
-    """A motion along a path to a final heading.  ``pose()`` returns the pose of the robot, ``room(curvature)`` the free
-    distance ahead along an arc, in m and 1/m.
+    """A motion along a path to a final heading.
 
     Attributes:
         blocked: the motion has ended because an obstacle stood in the way for too long.
@@ -58,16 +90,14 @@ class PathFollower:
         path: list[Point],
         heading: float,
         limits: DriveLimits,
-        pose: Callable[[], Pose],
-        room: Callable[[float], float],
+        view: PathView,
         tolerance: Tolerance,
     ) -> None:
         self.path = path
         self.blocked = False
         self._heading = heading
         self._limits = limits
-        self._pose = pose
-        self._room = room
+        self._view = view
         self._arrived = min(ARRIVED, ARRIVED_SHARE * tolerance.distance)
         self._arrived_turn = min(ARRIVED_TURN, ARRIVED_SHARE * tolerance.heading)
         self._leg = 0
@@ -82,33 +112,45 @@ class PathFollower:
 
     def rest(self) -> list[Point]:
         """The rest of the path, from the robot on."""
-        x, y, _ = self._pose()
+        x, y, _ = self._view.pose()
         return [(x, y), *self.path[self._leg + 1 :]]
 
     def speeds(self, state: State) -> tuple[float, float] | None:
         """Return the speeds towards the next point of the path, or of the final turn at its end."""
-        x, y, heading = self._pose()
+        x, y, heading = self._view.pose()
         limits = self._limits
         end = self.path[-1]
         if self._turning_in or math.dist((x, y), end) <= self._arrived:
             return self._turn_in(heading, state)
-        target = self._target((x, y))
+        self._pass_corners((x, y))
+        narrow = self._is_narrow((x, y))
+        target = self._target((x, y), narrow)
         off = wrapped(math.atan2(target[1] - y, target[0] - x) - heading)
-        if abs(off) > TURN_FIRST:
+        if abs(off) > (NARROW_TURN if narrow else TURN_FIRST):
             self._waiting_since = None
             return 0.0, self._turn(off, state.w)
         turn = min(limits.cruise_turn, limits.fastest_turn)
-        left = self._left((x, y))
-        cruise = min(limits.cruise, limits.fastest) * math.cos(off)
-        w = max(-turn, min(turn, STEERING_GAIN * off))
-        room = self._room(w / cruise)
-        if room < min(STOP_DISTANCE, math.dist((x, y), end) + self._arrived):
+        fastest = min(limits.cruise, limits.fastest, self._view.fastest(), NARROW_SPEED if narrow else math.inf)
+        cruise = fastest * math.cos(off)
+        w, room = self._steer(max(-turn, min(turn, STEERING_GAIN * off)), cruise, narrow)
+        stop = NARROW_STOP_DISTANCE if narrow else STOP_DISTANCE
+        if room < min(stop, math.dist((x, y), end) + self._arrived):
             # An arc may touch what the path beside it leaves free; a round hull can turn on the spot.
             return self._wait(state.time) if abs(off) < ALIGNED else (0.0, self._turn(off, state.w))
         self._waiting_since = None
-        free = max(0.0, min(left, room - STOP_DISTANCE / 2) - LATENCY_S * abs(state.v))
+        free = max(0.0, min(self._left((x, y), narrow), room - stop / 2) - LATENCY_S * abs(state.v))
         braked = math.sqrt(2 * BRAKING_SHARE * limits.braking * free)
         return max(limits.slowest, min(cruise, braked * math.cos(off))), w
+
+    def _steer(self, w: float, v: float, narrow: bool) -> tuple[float, float]:
+        """The yaw rate nearest to a wanted one that leaves the way free, or the wanted one; and the free way."""
+        first = room = self._view.free_way(w / v, narrow)
+        if narrow and room < NARROW_STOP_DISTANCE:
+            for evasion in EVASIONS[1:]:
+                room = self._view.free_way((w + evasion) / v, narrow)
+                if room >= NARROW_STOP_DISTANCE:
+                    return w + evasion, room
+        return w, first
 
     def _turn_in(self, heading: float, state: State) -> tuple[float, float] | None:
         self._turning_in = True
@@ -132,28 +174,56 @@ class PathFollower:
         self.blocked = True
         return None
 
-    def _target(self, at: Point) -> Point:
-        """The point to steer to: ``LOOKAHEAD`` further on the path, and never behind a segment that was passed."""
+    def _pass_corners(self, at: Point) -> None:
+        """Go on to the next line of the path when the robot has passed the end of the one before."""
         path = self.path
         while self._leg < len(path) - 2 and _along(path[self._leg], path[self._leg + 1], at) >= 1.0:
             self._leg += 1
+
+    def _is_narrow(self, at: Point) -> bool:
+        """Whether the path is narrow near the robot."""
+        path, leg = self.path, self._leg
+        a, b = path[leg], path[leg + 1]
+        length = math.dist(a, b)
+        done = max(0.0, min(1.0, _along(a, b, at))) * length
+        first, last = max(0.0, done - NARROW_BEFORE), done + NARROW_AHEAD
+        while True:
+            if length and self._view.is_narrow(_between(a, b, first / length), _between(a, b, min(1.0, last / length))):
+                return True
+            leg += 1
+            first, last = 0.0, last - length
+            if last <= 0 or leg > len(path) - 2:
+                return False
+            a, b = path[leg], path[leg + 1]
+            length = math.dist(a, b)
+
+    def _target(self, at: Point, narrow: bool) -> Point:
+        """The point to steer to: some way further on the path, and where that is narrow on its line, even beyond the
+        next corner."""
+        path = self.path
         a, b = path[self._leg], path[self._leg + 1]
         length = math.dist(a, b)
-        ahead = max(0.0, min(1.0, _along(a, b, at))) * length + LOOKAHEAD
+        ahead = max(0.0, min(1.0, _along(a, b, at))) * length + (NARROW_LOOKAHEAD if narrow else LOOKAHEAD)
         leg = self._leg
-        while ahead > length and leg < len(path) - 2:
+        while ahead > length and leg < len(path) - 2 and not narrow:
             ahead -= length
             leg += 1
             a, b = path[leg], path[leg + 1]
             length = math.dist(a, b)
-        share = min(1.0, ahead / length) if length else 1.0
-        return a[0] + (b[0] - a[0]) * share, a[1] + (b[1] - a[1]) * share
+        if not length:
+            return b
+        return _between(a, b, ahead / length if leg < len(path) - 2 else min(1.0, ahead / length))
 
-    def _left(self, at: Point) -> float:
-        """Distance in m to the end of the path."""
+    def _left(self, at: Point, narrow: bool) -> float:
+        """Distance in m to the end of the path, and where that is narrow to the next corner."""
         path = self.path
         rest = sum(math.dist(path[i], path[i + 1]) for i in range(self._leg + 1, len(path) - 1))
-        return math.dist(at, path[self._leg + 1]) + rest
+        return math.dist(at, path[self._leg + 1]) + (0.0 if narrow else rest)
+
+
+def _between(a: Point, b: Point, share: float) -> Point:
+    """A point on a line: ``a`` at 0, ``b`` at 1."""
+    return a[0] + (b[0] - a[0]) * share, a[1] + (b[1] - a[1]) * share
 
 
 def _along(a: Point, b: Point, at: Point) -> float:

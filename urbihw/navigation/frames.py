@@ -42,8 +42,21 @@ def moved(pose: Pose, way: float, angle: float) -> Pose:
     return (x + chord * math.cos(middle), y + chord * math.sin(middle), wrapped(heading + angle))
 
 
+def share_of(a: Pose, b: Pose, share: float) -> Pose:
+    """The pose at a share of the way from a to b; beyond b for more than 1."""
+    return a[0] + (b[0] - a[0]) * share, a[1] + (b[1] - a[1]) * share, wrapped(a[2] + wrapped(b[2] - a[2]) * share)
+
+
 def frame_of(outside: Pose, inside: Pose) -> Pose:
     """The frame for which compose(frame, inside) == outside."""
     heading = wrapped(outside[2] - inside[2])
     c, s = math.cos(heading), math.sin(heading)
     return (outside[0] - c * inside[0] + s * inside[1], outside[1] - s * inside[0] - c * inside[1], heading)
+
+
+def distance_to_line(point: Point, a: Point, b: Point) -> float:
+    """Distance of a point from a line between two others."""
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    square = dx * dx + dy * dy
+    share = max(0.0, min(1.0, ((point[0] - a[0]) * dx + (point[1] - a[1]) * dy) / square)) if square else 0.0
+    return math.dist(point, (a[0] + share * dx, a[1] + share * dy))

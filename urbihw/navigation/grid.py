@@ -1,12 +1,17 @@
-"""A map as a grid of cells, with the distance of each cell to the nearest wall."""
+"""A map as a grid of cells, with the distance of each cell to the nearest wall.
+
+A cell is occupied or free; beside that the grid keeps where in a cell its walls were measured, so that the distance of
+a point to the nearest wall does not depend on how the walls lie to the cells.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import Final
+from collections.abc import Iterable, Iterator
+from typing import Any, Final, NamedTuple
 
 from urbihw.navigation.extra import load_arrays
-from urbihw.navigation.maps import Map
+from urbihw.navigation.maps import Bounds, Map, Segment
 
 MARGIN: Final = 0.5
 """Width in m of the free cells around a map."""
@@ -16,6 +21,16 @@ MAX_CELLS: Final = 160_000
 
 _STRAIGHT, _DIAGONAL = 1.0, math.sqrt(2)
 _FAR: Final = 1e9
+_SWEEP_ERROR: Final = 1.09
+"""Ratio of a distance to the exact one, at most, without the extra."""
+
+
+class Nearest(NamedTuple):
+    """The nearest wall of a point: its distance in m, and where it is."""
+
+    distance: float
+    x: float = math.nan
+    y: float = math.nan
 
 
 class Grid:
@@ -26,6 +41,9 @@ class Grid:
         width, height: numbers of columns and rows.
         bounds: left, bottom, right, top of the map in m, without the margin.
         blocked: 1 for each cell that is occupied, row by row from the bottom.
+        fixed: 1 for each cell that no scan can free.
+        base: the grid of the map, if some of its cells have been freed.
+        standings: what the planner remembers of it, of a map that does not change.
     """
 
     def __init__(self, left: float, bottom: float, right: float, top: float, cell: float) -> None:
@@ -36,21 +54,39 @@ class Grid:
         self.left, self.bottom = left - MARGIN - self.cell / 2, bottom - MARGIN - self.cell / 2
         self.width, self.height = math.ceil(wide / self.cell), math.ceil(high / self.cell)
         self.blocked = bytearray(self.width * self.height)
+        self.fixed = bytearray(self.width * self.height)
+        self.base: Grid | None = None
+        self._lines: dict[int, tuple[Segment, ...]] = {}
+        self._boxes: dict[int, Bounds] = {}
+        """The walls in cells that are not occupied as a whole: pieces of lines, and a box around all else."""
         self._distances: list[float] | None = None
+        self.standings: dict[tuple[float, float], Any] = {}
 
     @classmethod
     def of(cls, map_: Map, cell: float) -> Grid:
         """The cells of a map."""
-        grid = cls(*map_.bounds, max(cell, map_.fine))
+        grid, fixed = (cls(*map_.bounds, max(cell, map_.fine)) for _ in range(2))
         map_.draw(grid)
+        map_.draw_fixed(fixed)
+        grid.fixed = fixed.blocked
         return grid
 
-    def copy(self) -> Grid:
-        """A copy, to which walls can be added."""
+    @classmethod
+    def seen(cls, map_: Map, cell: float) -> Grid:
+        """The cells of a map with only what a laser sees."""
+        grid = cls(*map_.bounds, max(cell, map_.fine))
+        map_.draw_seen(grid)
+        return grid
+
+    def freed(self, cells: Iterable[int]) -> Grid:
+        """A copy in which some cells, by their index in ``blocked``, are free; its distances are measured."""
         made = object.__new__(Grid)
         made.__dict__.update(self.__dict__)
         made.blocked = bytearray(self.blocked)
-        made._distances = None
+        for index in cells:
+            made.blocked[index] = 0
+        made._distances, made.standings, made.base = None, {}, self
+        made.distances()
         return made
 
     # ---------------------------------------------------------------- where
@@ -70,29 +106,59 @@ class Grid:
     # ---------------------------------------------------------------- what is in the way
 
     def block(self, x: float, y: float) -> None:
-        """Mark the cell of a point as occupied."""
+        """Mark a point as occupied."""
         column, row = self.column_row(x, y)
         if self.holds(column, row):
-            self.blocked[row * self.width + column] = 1
+            self._add_box(row * self.width + column, (x, y, x, y))
 
     def block_line(self, x1: float, y1: float, x2: float, y2: float) -> None:
-        """Block the cells along a line: points half a cell apart, so that none is passed over."""
-        steps = max(1, math.ceil(math.hypot(x2 - x1, y2 - y1) / self.cell * 2))
-        for step in range(steps + 1):
-            self.block(x1 + (x2 - x1) * step / steps, y1 + (y2 - y1) * step / steps)
+        """Mark a line as occupied: a piece of it in each cell through which it goes."""
+        dx, dy = x2 - x1, y2 - y1
+        cuts = sorted({0.0, 1.0, *self._cuts(x1 - self.left, dx), *self._cuts(y1 - self.bottom, dy)})
+        for a, b in zip(cuts, cuts[1:], strict=False):
+            column, row = self.column_row(x1 + dx * (a + b) / 2, y1 + dy * (a + b) / 2)
+            if self.holds(column, row):
+                self._add_line(row * self.width + column, (x1 + dx * a, y1 + dy * a, x1 + dx * b, y1 + dy * b))
+
+    def _cuts(self, start: float, way: float) -> Iterator[float]:
+        """The shares of a way along an axis at which it goes into another cell."""
+        if way:
+            low, high = sorted((start, start + way))
+            for border in range(math.floor(low / self.cell) + 1, math.ceil(high / self.cell)):
+                yield (border * self.cell - start) / way
 
     def block_box(self, left: float, bottom: float, right: float, top: float) -> None:
-        """Block every cell that the box overlaps."""
+        """Mark a box as occupied."""
         first_column, first_row = self.column_row(left, bottom)
         # A box that ends where a cell begins does not touch it.
         last_column, last_row = self.column_row(max(left, right - 1e-9), max(bottom, top - 1e-9))
-        first_column, last_column = max(first_column, 0), min(last_column, self.width - 1)
-        if first_column > last_column:
-            return
-        full = b"\1" * (last_column - first_column + 1)
+        cell = self.cell
         for row in range(max(first_row, 0), min(last_row, self.height - 1) + 1):
-            start = row * self.width
-            self.blocked[start + first_column : start + last_column + 1] = full
+            low = self.bottom + row * cell
+            part_bottom, part_top = max(bottom, low), min(top, low + cell)
+            for column in range(max(first_column, 0), min(last_column, self.width - 1) + 1):
+                at = self.left + column * cell
+                self._add_box(row * self.width + column, (max(left, at), part_bottom, min(right, at + cell), part_top))
+
+    def _is_full(self, index: int) -> bool:
+        return bool(self.blocked[index]) and index not in self._boxes and index not in self._lines
+
+    def _add_line(self, index: int, piece: Segment) -> None:
+        if not self._is_full(index):
+            self.blocked[index] = 1
+            self._lines[index] = (*self._lines.get(index, ()), piece)
+
+    def _add_box(self, index: int, box: Bounds) -> None:
+        if self._is_full(index):
+            return
+        self.blocked[index] = 1
+        if old := self._boxes.get(index):
+            box = min(old[0], box[0]), min(old[1], box[1]), max(old[2], box[2]), max(old[3], box[3])
+        if min(box[2] - box[0], box[3] - box[1]) >= self.cell * (1 - 1e-6):
+            self._boxes.pop(index, None)
+            self._lines.pop(index, None)
+        else:
+            self._boxes[index] = box
 
     # ---------------------------------------------------------------- how far
 
@@ -104,9 +170,52 @@ class Grid:
         return self._distances
 
     def distance(self, x: float, y: float) -> float:
-        """Distance in m from a point to the nearest occupied cell; inf outside of the grid."""
+        """Distance in m between the middles of the cell of a point and of the nearest occupied one; inf outside of the
+        grid."""
         column, row = self.column_row(x, y)
         return self.distances()[row * self.width + column] if self.holds(column, row) else math.inf
+
+    def nearest(self, x: float, y: float, most: float) -> Nearest:
+        """The wall nearest to a point where it was measured; one that is ``most`` m away if there is none nearer."""
+        column, row = self.column_row(x, y)
+        best, cell, width = Nearest(most), self.cell, self.width
+        if not self.holds(column, row):
+            return best
+        between = self.distances()[row * width + column]
+        slack = math.sqrt(2) * cell
+        if between / _SWEEP_ERROR - slack >= most:
+            return best
+        reach = min(most, between + slack)
+        columns, rows = self.column_row(x - reach, y - reach), self.column_row(x + reach, y + reach)
+        first, last = max(0, columns[0]), min(width - 1, rows[0])
+        for each in range(max(0, columns[1]), min(self.height - 1, rows[1]) + 1):
+            end = each * width + last + 1
+            at = self.blocked.find(1, each * width + first, end)
+            while at >= 0:
+                best = self._nearest_in(at, x, y, best)
+                at = self.blocked.find(1, at + 1, end)
+        return best
+
+    def _nearest_in(self, index: int, x: float, y: float, best: Nearest) -> Nearest:
+        """The nearer one of a wall and of those in a cell."""
+        lines = self._lines.get(index)
+        box = self._boxes.get(index)
+        if box is None and lines is None:
+            left, bottom = self.left + index % self.width * self.cell, self.bottom + index // self.width * self.cell
+            box = left, bottom, left + self.cell, bottom + self.cell
+        if box is not None:
+            px, py = min(max(x, box[0]), box[2]), min(max(y, box[1]), box[3])
+            if (distance := math.hypot(x - px, y - py)) < best.distance:
+                best = Nearest(distance, px, py)
+        for x1, y1, x2, y2 in lines or ():
+            dx, dy = x2 - x1, y2 - y1
+            square = dx * dx + dy * dy
+            share = ((x - x1) * dx + (y - y1) * dy) / square if square else 0.0
+            share = 0.0 if share < 0.0 else min(share, 1.0)
+            px, py = x1 + share * dx, y1 + share * dy
+            if (distance := math.hypot(x - px, y - py)) < best.distance:
+                best = Nearest(distance, px, py)
+        return best
 
     def _measure(self) -> list[float]:
         if arrays := load_arrays():

@@ -28,7 +28,7 @@ def load_map(name: str, cell: float, *, scans: bool) -> tuple[Map, Grid, Grid, l
     it.  Raises BadMap."""
     map_ = read(name)
     grid = Grid.of(map_, cell)
-    walls = Grid.of(map_, CELL) if scans else grid
+    walls = Grid.seen(map_, CELL) if scans else grid
     for measured in (grid, walls):
         measured.distances()
     return map_, grid, walls, wall_boxes(grid)

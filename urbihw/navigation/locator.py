@@ -1,10 +1,11 @@
 """Keeps the pose of a base on its map by the scans of a laser, and searches the whole map for a base that is lost.
 
-While the pose is known each scan corrects it (``localize``).  After ``MAX_MISFITS`` scans that do not match the map the
-base is lost: somebody carried it, or it was never where the map says.  A scan whose readings end before the walls that
-the map shows is no misfit: boxes or people stand there.  Then a particle filter (``montecarlo``, in a
-thread) takes the scans until one place explains them.  Standing still may not be enough for that: a program has to turn
-or drive the base, the locator never does.
+While the pose is known each scan corrects it (``localize``), as far as the wheels allow (``belief``).  A scan whose
+readings end before the walls that the map shows says nothing: boxes or people stand there.  After ``MAX_MISFITS`` scans
+that go through walls the pose is reconsidered: a better one nearby is taken; if a place elsewhere on the map explains
+the scan better, somebody has carried the base, and it is lost; if there is none, the furniture was moved.  For a lost
+base a particle filter (``montecarlo``, in a thread) takes the scans until one place explains them.  Standing still may
+not be enough for that: a program has to turn or drive the base, the locator never does.
 
 The corrections while the wheels turn are added up.  If they undo half of the way, the base is lost too: the laser sends
 one old scan for ever, or the wheels spin.
@@ -18,13 +19,20 @@ from typing import Any, Final
 
 from urbihw.navigation.background import Background
 from urbihw.navigation.base import Echo, PoseEstimate
+from urbihw.navigation.belief import Belief
 from urbihw.navigation.extra import how_to_install, load_montecarlo
 from urbihw.navigation.frames import ORIGIN, Pose, compose, frame_of, wrapped
 from urbihw.navigation.grid import Grid
-from urbihw.navigation.localize import GOOD_SCORE, is_hidden, match_scan
+from urbihw.navigation.localize import Match, match_scan, search_near, track_scan
 
 MAX_MISFITS: Final = 5
-"""Consecutive scans that do not match the map after which the robot is lost."""
+"""Consecutive scans that speak against the pose after which another one is looked for."""
+DUMB_SCAN: Final = 0.2
+"""What a scan counts for of which the map explains nothing, and that does not speak against the pose."""
+LEAD: Final = 0.1
+"""What another pose must have in ``Match.merit`` before the one that was believed."""
+MAX_ROUNDS: Final = 3
+"""How often the whole map is searched for a better place without finding one, before the base is lost anyway."""
 MAX_FIRST_SCANS: Final = 20
 """Maximum number of scans to find the pose on a new map."""
 WAY, TURN = 1.0, 1.5
@@ -76,12 +84,18 @@ def _plus(one: Pose, other: Pose) -> Pose:
     return one[0] + other[0], one[1] + other[1], one[2] + other[2]
 
 
+def _differs(match: Match) -> str:
+    """Why a base is lost whose scans do not match."""
+    return f"the laser does not see what the map shows (score {match.score:.2f})"
+
+
 class Locator:
     """Matches scans with a map.
 
     Attributes:
         found: the pose is known.
         score: how well the last scan matched, 0 to 1.
+        is_sure: the last scan agreed with the map.
     """
 
     def __init__(
@@ -92,14 +106,15 @@ class Locator:
         on_lost: Callable[[str, bool], None],
     ) -> None:
         """``on_found()`` is called when the pose becomes known; ``on_lost(why, searching)`` when it is not any more."""
-        self.found = False
+        self.found = self.is_sure = False
         self.score = 0.0
         self._odometry = odometry
         self._background = background
         self._on_found = on_found
         self._on_lost = on_lost
         self._walls: Grid | None = None
-        self._misfits = 0
+        self._doubt, self._rounds = 0.0, 0
+        self._belief = Belief()
         self._searching = False
         self._filter: Any = None
         self._said_ambiguous = False
@@ -119,50 +134,104 @@ class Locator:
     def trust_pose(self) -> None:
         """Somebody has said where the base is: begin there, and end a search."""
         self._background.drop()
-        self._misfits, self._searching, self._filter = 0, False, None
+        self._doubt, self._rounds, self._searching, self._filter = 0.0, 0, False, None
         self._said_ambiguous = False
-        self._slip = _Slip()
+        self._slip, self._belief = _Slip(), Belief()
 
     def doubt_pose(self) -> None:
         """The pose is not known until a scan matches the map where the robot should be."""
         self.trust_pose()
-        self.found = False
+        self.found = self.is_sure = False
 
-    def take_scan(self, echoes: Sequence[Echo], place: float) -> None:
-        """Process a scan of a laser ``place`` m ahead of the middle of the base."""
+    def take_scan(self, echoes: Sequence[Echo], place: float, stamp: float) -> None:
+        """Process a scan of a laser ``place`` m ahead of the middle of the base; ``stamp`` is its time in s."""
         if self._walls is None:
             return
         if self._searching:
-            self._search(self._walls, echoes, place)
+            self._search(self._walls, echoes, place, stamp)
+        elif self.found:
+            self._track(self._walls, echoes, place, stamp)
+        else:
+            self._begin(self._walls, echoes, place, stamp)
+
+    def _begin(self, walls: Grid, echoes: Sequence[Echo], place: float, stamp: float) -> None:
+        """Find the pose near where it is said to be."""
+        match = match_scan(walls, self._odometry.absolute_at(stamp), echoes, place)
+        self.score, self.is_sure = match.score, match.is_there
+        if match.is_there:
+            self.found = True
+            self._go_to(match.pose, stamp)
+            self._on_found()
             return
-        match = match_scan(self._walls, self._odometry.absolute, echoes, place)
-        self.score = match.score
-        if match.score < GOOD_SCORE and not (self.found and is_hidden(self._walls, match.pose, echoes, place)):
-            self._misfits += 1
-            if self._misfits >= (MAX_MISFITS if self.found else MAX_FIRST_SCANS):
-                self._lose(f"the laser does not see what the map shows (score {self.score:.2f})")
+        self._doubt += 1
+        if self._doubt >= MAX_FIRST_SCANS:
+            self._lose(_differs(match))
+
+    def _go_to(self, pose: Pose, stamp: float) -> None:
+        """The base was at a pose that may be some centimetres off."""
+        self._odometry.correct(pose, stamp)
+        self._belief, self._slip = Belief(), _Slip()
+        self._doubt = self._rounds = 0
+
+    def _track(self, walls: Grid, echoes: Sequence[Echo], place: float, stamp: float) -> None:
+        """Correct a pose that is known, unless the scan speaks against it."""
+        guess, belief = self._odometry.absolute_at(stamp), self._belief
+        belief.move(guess)
+        match, information = track_scan(walls, guess, belief.information(), belief.spread, echoes, place)
+        self.score, self.is_sure = match.score, match.is_there
+        if not match.is_there:
+            self._doubt += 1 if match.contradicts else DUMB_SCAN
+            if self._doubt >= MAX_MISFITS:
+                self._reconsider(walls, match, echoes, place, stamp)
             return
-        self._misfits = 0
-        if self.found and self._slip.add(self._odometry.absolute, match.pose):
+        self._doubt = self._rounds = 0
+        if self._slip.add(guess, match.pose):
             self._lose("the wheels turn and the scans do not change as they should: old scans, or wheels that slip")
             return
-        self._odometry.correct(match.pose)
-        if not self.found:
-            self.found = True
-            self._on_found()
+        belief.measure(match.pose, information)
+        self._odometry.correct(match.pose, stamp)
+
+    # ---------------------------------------------------------------- doubt
+
+    def _reconsider(self, walls: Grid, match: Match, echoes: Sequence[Echo], place: float, stamp: float) -> None:
+        """Look for a better pose nearby, then on the whole map; without one, and without a map that can be searched,
+        the base is lost."""
+        near = search_near(walls, match.pose, echoes, place)
+        if near.is_there and near.merit >= match.merit + LEAD:
+            self._go_to(near.pose, stamp)
+            return
+        montecarlo = load_montecarlo()
+        if montecarlo is None or self._rounds >= MAX_ROUNDS or not echoes:
+            self._lose(_differs(match))
+        elif not self._background.busy:
+            self._background.start(
+                lambda: montecarlo.has_better_place(walls, echoes, place, match.merit + LEAD),
+                lambda better: self._compared(match, better=better),
+                self._search_failed,
+            )
+
+    def _compared(self, match: Match, *, better: bool) -> None:
+        """The whole map has been searched for a place that explains the scan better."""
+        if better:
+            self._lose(_differs(match))
+        else:
+            self._doubt = 0
+            self._rounds += 1
+
+    # ---------------------------------------------------------------- searching the whole map
 
     def _lose(self, why: str) -> None:
         self.trust_pose()
-        self.found = False
+        self.found = self.is_sure = False
         self._searching = load_montecarlo() is not None
         how = ": turn or drive the robot" if self._searching else f" needs numpy and scipy: {how_to_install()}"
         how = f"searching the map{how}"
         self._on_lost(f"{why}; {how}", self._searching)
 
-    def _search(self, walls: Grid, echoes: Sequence[Echo], place: float) -> None:
+    def _search(self, walls: Grid, echoes: Sequence[Echo], place: float, stamp: float) -> None:
         if self._background.busy:
             return
-        pose, known = self._odometry.absolute, self._filter
+        pose, known = self._odometry.absolute_at(stamp), self._filter
 
         def work() -> tuple[Any, Pose | None]:
             particles = known or load_montecarlo().ParticleFilter(walls)

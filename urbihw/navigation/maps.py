@@ -51,6 +51,8 @@ class Map:
         home: pose at which the robot starts; None if the map has none.
         goals: named places.
         lines, boxes: walls and blocks that are occupied or forbidden.
+        forbidden, unknown: those lines that no sensor sees, and those blocks of which the map does not know what is
+            there: a scan that goes through them does not free them.
         fine: resolution in m (the size of a pixel), below which a smaller cell of a grid gains nothing; 0 for none.
     """
 
@@ -60,12 +62,28 @@ class Map:
     lines: tuple[Segment, ...] = ()
     boxes: tuple[Bounds, ...] = ()
     fine: float = 0.0
+    forbidden: frozenset[Segment] = frozenset()
+    unknown: tuple[Bounds, ...] = ()
 
     def draw(self, walls: Walls) -> None:
         """Add all obstacles to ``walls``."""
-        for line in self.lines:
+        self.draw_seen(walls)
+        for line in self.forbidden:
             walls.block_line(*line)
+
+    def draw_seen(self, walls: Walls) -> None:
+        """Add the obstacles that a laser sees."""
+        for line in self.lines:
+            if line not in self.forbidden:
+                walls.block_line(*line)
         for box in self.boxes:
+            walls.block_box(*box)
+
+    def draw_fixed(self, walls: Walls) -> None:
+        """Add what scans do not free."""
+        for line in self.forbidden:
+            walls.block_line(*line)
+        for box in self.unknown:
             walls.block_box(*box)
 
 
@@ -122,6 +140,7 @@ class _AriaReader:
         self.home: Pose | None = None
         self.goals: dict[str, Pose] = {}
         self.lines: list[Segment] = []
+        self.forbidden: list[Segment] = []
         self.boxes: list[Bounds] = []
         self.points: list[tuple[float, float]] = []
 
@@ -149,19 +168,21 @@ class _AriaReader:
             return c * x - s * y, s * x + c * y
 
         if kind == "ForbiddenLine":
-            self.lines.append((x1, y1, x2, y2))
+            self.forbidden.append((x1, y1, x2, y2))
             return
         ring = [at(x1, y1), at(x2, y1), at(x2, y2), at(x1, y2)]
-        self.lines += [(*a, *b) for a, b in zip(ring, [*ring[1:], ring[0]], strict=True)]
+        self.forbidden += [(*a, *b) for a, b in zip(ring, [*ring[1:], ring[0]], strict=True)]
 
     def done(self) -> Map:
+        self.lines += self.forbidden
         self.boxes += [(x, y, x, y) for x, y in self.points]
         xs = [x for line in self.lines for x in line[::2]] + [x for x, _ in self.points]
         ys = [y for line in self.lines for y in line[1::2]] + [y for _, y in self.points]
         if not xs:
             raise ValueError("it has neither lines nor points")
         bounds = (min(xs), min(ys), max(xs), max(ys))
-        return Map(bounds, self.home, self.goals, tuple(self.lines), tuple(self.boxes))
+        forbidden = frozenset(self.forbidden)
+        return Map(bounds, self.home, self.goals, tuple(self.lines), tuple(self.boxes), forbidden=forbidden)
 
 
 def _aria(text: str, file: Path) -> Map:
@@ -231,14 +252,20 @@ def _ros(text: str, file: Path) -> Map:
         pictures = importlib.import_module("urbihw.navigation.pictures")
     except ImportError as error:
         raise ValueError(f"reading pictures needs Pillow: {install_command('images')}") from error
-    free_above = 255 * (1 - values["free_thresh"])
-    width, height, runs = pictures.dark_runs(file.parent / table["image"], free_above, negate=bool(values["negate"]))
+    occupied, free = (255 * (1 - values[key]) for key in ("occupied_thresh", "free_thresh"))
     size, (left, bottom, _) = values["resolution"], origin
-    boxes = tuple(
-        (left + first * size, bottom + (height - 1 - row) * size, left + end * size, bottom + (height - row) * size)
-        for row, first, end in runs
-    )
-    return Map((left, bottom, left + width * size, bottom + height * size), home, {}, (), boxes, size)
+
+    def boxes(above: float) -> tuple[tuple[Bounds, ...], float, float]:
+        image, negate = file.parent / table["image"], bool(values["negate"])
+        width, height, runs = pictures.dark_runs(image, above, free, negate=negate)
+        high = bottom + height * size
+        return tuple(
+            (left + first * size, high - (row + 1) * size, left + end * size, high - row * size)
+            for row, first, end in runs
+        ), left + width * size, high  # fmt: skip
+
+    all_, right, top = boxes(-1.0)
+    return Map((left, bottom, right, top), home, {}, (), all_, size, unknown=boxes(occupied)[0])
 
 
 _READERS: Final[dict[str, Callable[[str, Path], Map]]] = {".map": _aria, ".yaml": _ros, ".yml": _ros}

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from urbihw.navigation.base import Echo
 from urbihw.navigation.frames import Pose, compose, frame_of, wrapped
 from urbihw.navigation.grid import Grid
-from urbihw.navigation.localize import GOOD_SCORE, match_scan
+from urbihw.navigation.localize import match_scan
 
 SPACING: Final = 0.25
 HEADINGS: Final = 48
@@ -41,14 +41,14 @@ CLUSTER, CLUSTER_TURN = 0.5, 0.35
 """m and rad around the best particle within which particles support it."""
 AGREED: Final = 0.9
 """Share of the weight that must support the best particle."""
-SURE_SCORE: Final = 0.7
+SURE_SCORE: Final = 0.5
 """Score of ``match_scan`` that the estimate must reach."""
 CONFIRMATIONS: Final = 10
 """Scans in a row that one place must explain, each after some movement: one scan may fit a place that looks alike."""
 RIVALS: Final = 16
 """Other places of the map that are compared with the one that was found."""
 LEAD: Final = 0.05
-"""Lead in the score of ``match_scan`` with which the place must explain the last scans better than each of them."""
+"""Lead in ``Match.merit`` with which the place must explain the last scans better than each of them."""
 MAX_SCANS: Final = 40
 """Scans that count after which the search begins anew."""
 
@@ -79,8 +79,7 @@ class ParticleFilter:
     def add_scan(self, odometric: Pose, echoes: Sequence[Echo], place: float) -> Pose | None:
         """Process a scan taken at a pose of the odometry, whose frame may be any but must not change; returns the pose
         on the map once one place explains the scans."""
-        step = max(1, len(echoes) // BEAMS)
-        local = np.array([(place + r * math.cos(a), r * math.sin(a)) for r, a in echoes[::step]])
+        local = _sampled(echoes, place)
         if not len(local) or not self._move_particles(odometric):
             return None
         self._taken.append((odometric, echoes))
@@ -96,12 +95,12 @@ class ParticleFilter:
             self.is_ambiguous = self._scans >= MAX_SCANS
             return None
         match = match_scan(self._walls, (float(best[0]), float(best[1]), float(best[2])), echoes, place)
-        self._confirmed = self._confirmed + 1 if match.score >= SURE_SCORE else 0
+        self._confirmed = self._confirmed + 1 if match.is_there and match.score >= SURE_SCORE else 0
         if self._confirmed >= CONFIRMATIONS:
             self._confirmed = 0
             self.is_ambiguous = self._has_rival(match.pose, local, place)
             return None if self.is_ambiguous else match.pose
-        if match.score < GOOD_SCORE or self._scans >= MAX_SCANS:
+        if not match.is_there or self._scans >= MAX_SCANS:
             # They have gathered at a wrong place, and no particle is left at the right one.
             self._last = None
         return None
@@ -111,27 +110,27 @@ class ParticleFilter:
         several rooms that look alike, and then none is left in the others."""
         echoes = self._taken[-1][1]
         enough = self._explain(found, place, 0.0) - LEAD
-        rivals = (match_scan(self._walls, pose, echoes, place).pose for pose in self._rivals(found, local))
+        rivals = (match_scan(self._walls, pose, echoes, place).pose for pose in self.best_places(local, found))
         return any(not _is_near(pose, found) and self._explain(pose, place, enough) > enough for pose in rivals)
 
     def _explain(self, pose: Pose, place: float, least: float) -> float:
-        """The mean score of the last scans on the way to a pose, each matched with the map as the wheels slip; 0 as
+        """The mean merit of the last scans on the way to a pose, each matched with the map as the wheels slip; 0 as
         soon as it cannot reach ``least``."""
         lost, count = 0.0, len(self._taken)
         after = self._taken[-1][0]
         for then, echoes in reversed(self._taken):
             match = match_scan(self._walls, compose(frame_of(pose, after), then), echoes, place)
             pose, after = match.pose, then
-            lost += 1 - match.score
+            lost += 1 - match.merit
             if 1 - lost / count < least:
                 return 0.0
         return 1 - lost / count
 
-    def _rivals(self, found: Pose, local: _Floats) -> Iterator[Pose]:
-        """The places of the whole map at which the last scan fits best, beside the one that was found."""
+    def best_places(self, local: _Floats, *known: Pose) -> Iterator[Pose]:
+        """The places of the whole map at which a scan fits best, beside those that are known."""
         everywhere = self._everywhere()
         weights = self._weigh(local, everywhere)
-        chosen = [found]
+        chosen = list(known)
         for index in np.argsort(weights)[::-1]:
             x, y, heading = everywhere[index]
             pose = float(x), float(y), float(heading)
@@ -193,6 +192,20 @@ class ParticleFilter:
         marks = (self._random.random() + np.arange(PARTICLES)) / PARTICLES
         chosen = np.searchsorted(np.cumsum(weights), marks).clip(0, len(weights) - 1)
         self._particles = self._particles[chosen]
+
+
+def has_better_place(walls: Grid, echoes: Sequence[Echo], place: float, merit: float) -> bool:
+    """Whether somewhere on a map a scan has more than a ``Match.merit``."""
+    local = _sampled(echoes, place)
+    poses = ParticleFilter(walls).best_places(local) if len(local) else ()
+    matches = (match_scan(walls, pose, echoes, place) for pose in poses)
+    return any(match.is_there and match.merit > merit for match in matches)
+
+
+def _sampled(echoes: Sequence[Echo], place: float) -> _Floats:
+    """Where some of the readings end, in the frame of the robot."""
+    step = max(1, len(echoes) // BEAMS)
+    return np.array([(place + r * math.cos(a), r * math.sin(a)) for r, a in echoes[::step]])
 
 
 def _is_near(pose: Pose, other: Pose) -> bool:

@@ -29,16 +29,16 @@ from urbihw.navigation.base import DrivenBase
 from urbihw.navigation.drawing import draw_map
 from urbihw.navigation.drive import FINISHED, STALLED, DriveMotion
 from urbihw.navigation.follow import PathFollower, Tolerance
-from urbihw.navigation.frames import Point, Pose, compose, path_length, wrapped
+from urbihw.navigation.frames import Point, compose, path_length, wrapped
 from urbihw.navigation.goal import Goal
 from urbihw.navigation.grid import Grid
 from urbihw.navigation.loading import check_map, load_map
 from urbihw.navigation.locator import Locator
 from urbihw.navigation.maps import BadMap, Bounds, Map
-from urbihw.navigation.obstacles import ObstacleLayer, closes_path, free_way
-from urbihw.navigation.options import SCAN
+from urbihw.navigation.obstacles import ObstacleLayer, closes_path
 from urbihw.navigation.planner import NoPath, Obstructed, check_goal, plan_around
 from urbihw.navigation.survey import MapSurvey
+from urbihw.navigation.view import NavigatorView
 
 FAILED, SUCCEEDED, CANCELED = 0.0, 1.0, 2.0
 """The payload of ``pathPlanningEvent``."""
@@ -52,8 +52,6 @@ BLOCKING_RANGE: Final = 1.5
 """Distance in m up to which echoes are marked as obstacles where the robot had to stop."""
 BLIND_TIMEOUT_S: Final = 5.0
 """Seconds without a scan after which a goal, and the pose that scans keep, are given up."""
-SIDE_CLEARANCE: Final = 0.03
-"""Clearance in m beside the robot's radius that must be free ahead."""
 
 
 class Navigator(UObject):
@@ -97,7 +95,7 @@ class Navigator(UObject):
         """``base`` is the base to drive."""
         self._base = base
         self._map: Map | None = None
-        self._grid: Grid | None = None
+        self._dropped: frozenset[int] = frozenset()
         self._seen: ObstacleLayer | None = None
         self._goal: Goal | None = None
         self._follower: PathFollower | None = None
@@ -105,8 +103,10 @@ class Navigator(UObject):
         self._planned_at = -math.inf
         self._blind_since = math.inf
         self._work = Background(self.host.post, (BadMap, NoPath))
+        self._changes = Background(self.host.post, ())
         searching, matching = Background(self.host.post, ()), Background(self.host.post, ())
         self._locator = Locator(base.odometry, searching, self._localized, self._lost_pose)
+        self._view = NavigatorView(base, self._locator)
         self._survey = MapSurvey(base.odometry, matching, base.log)
         base.odometry.placed = self._locator.trust_pose
         if base.scanner is not None:
@@ -127,7 +127,7 @@ class Navigator(UObject):
         name = self.mapFileName.value
         if not isinstance(name, str):
             raise ValueError("mapFileName takes the path of a map, or \"\"")
-        scans, cell = self._uses_scans(), self._base.navigation.cell
+        scans, cell = self._view.uses_scans, self._base.navigation.cell
         if name and scans:
             self._check_scanner("localization by scans")
         if name:
@@ -139,9 +139,6 @@ class Navigator(UObject):
             self._end_mapping()
             self._work.start(lambda: load_map(name, cell, scans=scans), self._map_loaded, self._map_failed)
 
-    def _uses_scans(self) -> bool:
-        return self._base.navigation.localization == SCAN
-
     def _check_scanner(self, what: str) -> None:
         """Raise ValueError without a laser that is on."""
         if self._base.scanner is None:
@@ -151,7 +148,8 @@ class Navigator(UObject):
     def _drop_map(self) -> None:
         self.cancel()
         self._work.drop()
-        self._map = self._grid = self._seen = None
+        self._map = self._view.grid = self._seen = None
+        self._dropped = frozenset()
         self.walls.sense([])
         self._locator.use_map(None)
         self.ready.sense(False)
@@ -159,15 +157,15 @@ class Navigator(UObject):
         self.mapFileName.sense("")
 
     def _map_loaded(self, loaded: tuple[Map, Grid, Grid, list[Bounds]]) -> None:
-        self._map, self._grid, walls, boxes = loaded
+        self._map, self._view.grid, walls, boxes = loaded
         self.walls.sense([list(box) for box in boxes])
         map_ = self._map
-        self._seen = ObstacleLayer(self._grid)
+        self._seen = ObstacleLayer(self._view.grid)
         if map_.home is not None:
             self._base.odometry.correct(map_.home)
-        if self._uses_scans():
+        if self._view.uses_scans:
             self._locator.use_map(walls)
-        elif self._is_outside():
+        elif self._view.is_outside():
             self._lose("the robot's home is outside the map")
         else:
             self._localized()
@@ -200,18 +198,16 @@ class Navigator(UObject):
         self._base.log.warning("localization failed: %s", why)
         self.ready.sense(False)
         self.cancel()
-        self._seen = None if self._grid is None else ObstacleLayer(self._grid)
+        if self._view.grid is not None:
+            self._view.grid = self._view.grid.base or self._view.grid
+            self._seen, self._dropped = ObstacleLayer(self._view.grid), frozenset()
         self.locFailureEvent.emit(why)
 
     # ---------------------------------------------------------------- where it is
 
-    def _is_outside(self) -> bool:
-        grid = self._grid
-        return grid is not None and not grid.holds(*grid.column_row(*self._base.odometry.absolute[:2]))
-
     def pose_changed(self) -> None:
         """The base calls this after each measurement of its pose."""
-        if self.ready.sensed and self._is_outside():
+        if self.ready.sensed and self._view.is_outside():
             self._lose("the robot is outside the map")
         self._watch_scanner()
         if self.host.now() >= self._retry_at and self._goal is not None:
@@ -221,7 +217,7 @@ class Navigator(UObject):
     def _watch_scanner(self) -> None:
         """Stand while the scans do not come that the goal or the pose relies on; give both up after a while."""
         scanner, goal, now = self._base.scanner, self._goal, self.host.now()
-        relied_on = self._grid is not None and self._uses_scans() or goal is not None and goal.scanned
+        relied_on = self._view.grid is not None and self._view.uses_scans or goal is not None and goal.scanned
         if scanner is None or not relied_on or scanner.is_fresh():
             if self._blind_since < math.inf and self.ready.sensed:
                 self._retry_at = now
@@ -239,7 +235,7 @@ class Navigator(UObject):
     def _give_up_scans(self, why: str) -> None:
         if self._goal is not None:
             self._fail(why)
-        if self.ready.sensed and self._uses_scans():
+        if self.ready.sensed and self._view.uses_scans:
             self._locator.doubt_pose()
             self._doubt_pose(why)
 
@@ -251,15 +247,30 @@ class Navigator(UObject):
         echoes = scanner.echoes()
         if self.mapping.sensed:
             self._survey.take_scan(echoes, scanner.place)
-        if self._grid is None or self._seen is None:
+        if self._view.grid is None or self._seen is None:
             return
-        if self._uses_scans():
-            self._locator.take_scan(echoes, scanner.place)
+        if self._view.uses_scans:
+            self._locator.take_scan(echoes, scanner.place, scanner.stamp)
             self.score.sense(self._locator.score)
         if self.ready.sensed and self._seen is not None:
-            at = compose(self._base.odometry.absolute, (scanner.place, 0.0, 0.0))
+            at = compose(self._base.odometry.absolute_at(scanner.stamp), (scanner.place, 0.0, 0.0))
             self._seen.add_scan(at, echoes, self.host.now())
+            if self._locator.is_sure:
+                self._seen.pass_walls(at, echoes)
+                self._drop_what_is_gone(self._seen)
             self._keep_way_free()
+
+    def _drop_what_is_gone(self, seen: ObstacleLayer) -> None:
+        """Plan from now on without the walls that are gone."""
+        gone, map_ = seen.gone, seen.grid.base or seen.grid
+
+        def changed(grid: Grid) -> None:
+            if seen is self._seen:
+                self._view.grid = seen.grid = grid
+                self._dropped = gone
+
+        if gone != self._dropped and not self._changes.busy:
+            self._changes.start(lambda: map_.freed(gone), changed, self._map_failed)
 
     def _keep_way_free(self) -> None:
         """Plan again while an obstacle stands on the rest of the path."""
@@ -303,10 +314,10 @@ class Navigator(UObject):
     def draw_map(self, name: str) -> None:
         """Draw the map, the obstacles seen, the path and the robot into an SVG file.  Raises ValueError without a map,
         or if the file cannot be written."""
-        if self._map is None or self._grid is None or self._seen is None:
+        if self._map is None or self._view.grid is None or self._seen is None:
             raise ValueError(f"there is no map; set {self.slot_name}.mapFileName first")
         seen, path = self._seen.points(self.host.now()), [(x, y) for x, y in self.path.sensed]
-        text = draw_map(self._map, seen, self._grid.cell, path, self._pose(), self._base.radius)
+        text = draw_map(self._map, seen, self._view.grid.cell, path, self._view.pose(), self._base.radius)
         write_regular(Path(name), text.encode())
 
     def _end_mapping(self) -> None:
@@ -323,9 +334,9 @@ class Navigator(UObject):
             raise ValueError(f"there is no map; set {self.slot_name}.mapFileName first")
         self._base.check_motors()
         self._check_pose()
-        if self._grid is not None:
+        if self._view.grid is not None:
             try:
-                check_goal(self._grid, (x, y), self._clearance())
+                check_goal(self._view.grid, (x, y), self._view.clearance)
             except NoPath as error:
                 raise ValueError(str(error)) from error
         self._base.claim_motion()
@@ -341,7 +352,7 @@ class Navigator(UObject):
     def _check_pose(self) -> None:
         """Raise ValueError while the robot is lost on the map, or cannot see although its laser is switched on."""
         scanner = self._base.scanner
-        if self._uses_scans():
+        if self._view.uses_scans:
             self._check_scanner("localization by scans")
         if scanner is not None and scanner.wanted and not scanner.is_fresh():
             raise ValueError("the laser is switched on and sends no scan; wait until it does, or write 0 to its load")
@@ -350,22 +361,18 @@ class Navigator(UObject):
                 "the robot is lost on the map: turn or drive it until it has found itself, or write odometry.position"
             )
 
-    def _clearance(self) -> float:
-        """Distance in m that paths keep from walls, from the middle of the base."""
-        return self._base.radius + self._base.navigation.clearance
-
     def _tolerance(self) -> Tolerance:
         options = self._base.navigation
         return Tolerance(options.tolerance, math.radians(options.heading_tolerance))
 
     def _plan(self, goal: Goal) -> None:
-        grid = self._grid
+        grid = self._view.grid
         assert grid is not None and self._seen is not None, "the robot knows where it is, so there is a map"
-        start, clearance = self._base.odometry.absolute[:2], self._clearance()
+        start, room = self._base.odometry.absolute[:2], self._view.room()
         self._planned_at = self.host.now()
         seen = self._seen.points(self._planned_at)
         self._work.start(
-            lambda: plan_around(grid, seen, start, goal.place, clearance),
+            lambda: plan_around(grid, seen, start, goal.place, room),
             lambda path: self._follow_path(goal, path),
             lambda error: self._plan_failed(goal, error),
         )
@@ -382,7 +389,7 @@ class Navigator(UObject):
             self._follower.change_path(path)
             return
         base = self._base
-        follower = PathFollower(path, goal.heading, base.drive.limits, self._pose, self._room, self._tolerance())
+        follower = PathFollower(path, goal.heading, base.drive.limits, self._view, self._tolerance())
         self._follower = follower
         base.begin_motion(follower)
 
@@ -418,13 +425,13 @@ class Navigator(UObject):
             self._fail("the wheels were told to turn and stood still")
         elif follower.blocked:
             self._leave_obstacle(replace(goal, direct=path_length(follower.rest())))
-        elif self._tolerance().allows(self._pose(), goal.place, goal.heading):
+        elif self._tolerance().allows(self._view.pose(), goal.place, goal.heading):
             self._end_goal(SUCCEEDED)
         elif goal.approaches:
             self._goal = replace(goal, approaches=goal.approaches - 1)
             self._plan(self._goal)
         else:
-            x, y, heading = self._pose()
+            x, y, heading = self._view.pose()
             off = math.degrees(abs(wrapped(goal.heading - heading)))
             self._fail(f"the robot stands {math.dist((x, y), goal.place):.2f} m and {off:.0f} degrees beside the goal")
 
@@ -433,8 +440,8 @@ class Navigator(UObject):
         if not goal.waits or self._seen is None:
             self._fail("something stands in the way")
             return
-        pose = self._pose()
-        near = [(x, y) for x, y in self._echoes() if math.hypot(x, y) < BLOCKING_RANGE]
+        pose = self._view.pose()
+        near = [(x, y) for x, y in self._view.echoes() if math.hypot(x, y) < BLOCKING_RANGE]
         self._seen.add_points([compose(pose, (x, y, 0.0))[:2] for x, y in near], self.host.now())
         self._goal = replace(goal, waits=goal.waits - 1)
         self._plan(self._goal)
@@ -447,28 +454,10 @@ class Navigator(UObject):
     def _end_goal(self, how: float) -> None:
         self._goal = None
         self._retry_at = math.inf
-        if self._grid is not None:
+        if self._view.grid is not None:
             # Without a map the work is that of reading one, for which another goal waits.
             self._work.drop()
         self.active.sense(False)
         self.path.sense([])
         self._stand("the path was given up")
         self.pathPlanningEvent.emit(how)
-
-    # ---------------------------------------------------------------- what the path follower asks
-
-    def _pose(self) -> Pose:
-        return self._base.odometry.absolute
-
-    def _room(self, curvature: float) -> float:
-        """Free distance in m ahead of the robot's hull along an arc."""
-        return free_way(self._echoes(), curvature, self._base.radius, SIDE_CLEARANCE)
-
-    def _echoes(self) -> list[Point]:
-        """Points that the scanner and other sensors detect now, in m ahead of and to the left of the middle of the
-        base."""
-        scanner = self._base.scanner
-        if scanner is None:
-            return self._base.obstacles()
-        seen = [(scanner.place + r * math.cos(a), r * math.sin(a)) for r, a in scanner.fresh_echoes()]
-        return seen + self._base.obstacles()

@@ -1,20 +1,23 @@
-"""Obstacles that sensors see and the map does not show: a layer of cells over the map, and the free way ahead; no I/O.
+"""Obstacles that sensors see and the map does not show, what the map shows and is gone, and the free way ahead; no I/O.
 
 A cell is marked by an echo.  It is cleared when a ray of a later scan passes through it (the inverse sensor model of
 Thrun, Burgard, Fox: Probabilistic Robotics, 2005, table 9.2: of each marked cell, the ray nearest to its direction
 decides), and fades after ``FADE_S`` without a new echo.  Like ROS's obstacle layer it takes a ray without an echo for
 no proof of free space.
+
+A cell of a wall is gone when the rays of ``GONE_AFTER`` scans have passed through it: the furniture was moved.  Echoes
+there bring it back.
 """
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 from urbihw.navigation.base import Echo
-from urbihw.navigation.frames import Point, Pose
+from urbihw.navigation.frames import Point, Pose, distance_to_line
 from urbihw.navigation.grid import Grid
 
 FADE_S: Final = 20.0
@@ -23,22 +26,39 @@ MARK_RANGE: Final = 3.0
 """Distance in m up to which echoes mark cells: beyond, a small error of the heading moves them too far."""
 WALL_MARGIN: Final = 0.2
 """Distance in m to a wall of the map below which an echo is taken for that wall."""
+PASS_RANGE: Final = 4.0
+"""Distance in m up to which rays pass through walls."""
+PASS_MARGIN, PASS_BESIDE = 0.3, 0.15
+"""m that a ray must go on behind a wall, and from other walls there: so one along a wall, or just beside it, passes
+through nothing, though the pose is some centimetres off."""
+GONE_AFTER: Final = 8
+"""Scans that must pass through a wall more than see it."""
+SEEN_AGAIN: Final = 3
+"""Scans that pass which one echo outweighs."""
 
 _STRAIGHT: Final = 1e-3
 """Curvature in 1/m below which an arc counts as straight."""
 
 
 class ObstacleLayer:
-    """The marked cells over a grid."""
+    """The marked cells over a grid.
+
+    Attributes:
+        grid: the walls of the map, without those that are gone.
+        gone: the cells of the map that are gone, by their index.
+    """
 
     def __init__(self, grid: Grid) -> None:
-        self._grid = grid
-        self._seen_at: dict[tuple[int, int], float] = {}
+        self.grid = grid
+        self.gone: frozenset[int] = frozenset()
+        self._map = grid
+        self._seen: dict[tuple[int, int], tuple[float, Point]] = {}
+        self._passes: dict[int, int] = {}
 
     def add_points(self, points: Sequence[Point], now: float) -> None:
         """Mark the cells of points on the map; ``now`` in s."""
         for point in points:
-            self._seen_at[self._grid.column_row(*point)] = now
+            self._seen[self.grid.column_row(*point)] = now, point
 
     def add_scan(self, scanner: Pose, echoes: Sequence[Echo], now: float) -> None:
         """Clear the cells through which the rays of a scan pass, and mark those where they end beside the walls of the
@@ -47,29 +67,74 @@ class ObstacleLayer:
             return
         x, y, heading = scanner
         self._clear(scanner, sorted((math.remainder(a, math.tau), r) for r, a in echoes))
-        grid = self._grid
+        grid = self.grid
         for r, a in echoes:
             if r <= MARK_RANGE:
                 place = (x + r * math.cos(heading + a), y + r * math.sin(heading + a))
                 if grid.distance(*place) > WALL_MARGIN:
-                    self._seen_at[grid.column_row(*place)] = now
+                    self._seen[grid.column_row(*place)] = now, place
 
     def _clear(self, scanner: Pose, rays: list[tuple[float, float]]) -> None:
         x, y, heading = scanner
-        cell = self._grid.cell
-        for place in list(self._seen_at):
-            px, py = self._grid.middle(*place)
+        cell = self.grid.cell
+        for place, (_, (px, py)) in list(self._seen.items()):
             distance = math.hypot(px - x, py - y)
             angle = math.remainder(math.atan2(py - y, px - x) - heading, math.tau)
             index = bisect_left(rays, (angle, 0.0))
             near = min(rays[max(0, index - 1) : index + 1], key=lambda ray: abs(ray[0] - angle))
             if abs(near[0] - angle) * distance <= cell / 2 and near[1] > distance + cell:
-                del self._seen_at[place]
+                del self._seen[place]
 
     def points(self, now: float) -> list[Point]:
-        """The middles of the marked cells, without those that have faded."""
-        self._seen_at = {place: stamp for place, stamp in self._seen_at.items() if now - stamp < FADE_S}
-        return [self._grid.middle(*place) for place in self._seen_at]
+        """The last echo in each marked cell, without those that have faded."""
+        self._seen = {cell: mark for cell, mark in self._seen.items() if now - mark[0] < FADE_S}
+        return [point for _, point in self._seen.values()]
+
+    # ---------------------------------------------------------------- what is gone
+
+    def pass_walls(self, scanner: Pose, echoes: Sequence[Echo]) -> None:
+        """Find walls of the map that are gone, by a scan whose pose is well known."""
+        x, y, heading = scanner
+        passed: set[int] = set()
+        for r, a in echoes:
+            passed.update(self._passed((x, y), (math.cos(heading + a), math.sin(heading + a)), r))
+        passes = self._passes
+        for index in passed:
+            passes[index] = min(passes.get(index, 0) + 1, GONE_AFTER + SEEN_AGAIN)
+        for index in self._ends(scanner, echoes) if passes else ():
+            if index in passes:
+                passes[index] -= SEEN_AGAIN
+        self._passes = {index: count for index, count in passes.items() if count > 0}
+        self.gone = frozenset(
+            index for index, count in self._passes.items() if count >= GONE_AFTER or index in self.gone
+        )
+
+    def _passed(self, start: Point, direction: Point, length: float) -> Iterator[int]:
+        """The cells of walls through which a ray passes."""
+        grid, map_ = self.grid, self._map
+        distances, (dx, dy), way = grid.distances(), direction, 0.0
+        last = min(length, PASS_RANGE) - PASS_MARGIN
+        while way < last:
+            column, row = grid.column_row(start[0] + way * dx, start[1] + way * dy)
+            if not grid.holds(column, row):
+                return
+            index = row * grid.width + column
+            if map_.blocked[index] and not map_.fixed[index]:
+                behind = way + PASS_MARGIN
+                if grid.distance(start[0] + behind * dx, start[1] + behind * dy) >= PASS_BESIDE:
+                    yield index
+            way += max(grid.cell / 2, distances[index] - grid.cell)
+
+    def _ends(self, scanner: Pose, echoes: Sequence[Echo]) -> set[int]:
+        """The cells in and beside which rays end."""
+        (x, y, heading), grid = scanner, self.grid
+        ends: set[int] = set()
+        for r, a in echoes:
+            if r <= PASS_RANGE:
+                column, row = grid.column_row(x + r * math.cos(heading + a), y + r * math.sin(heading + a))
+                index = row * grid.width + column
+                ends.update(index + down + right for down in (-grid.width, 0, grid.width) for right in (-1, 0, 1))
+        return ends
 
 
 def free_way(points: Sequence[Point], curvature: float, radius: float, margin: float) -> float:
@@ -101,17 +166,9 @@ def closes_path(points: Sequence[Point], path: Sequence[Point], clearance: float
         length = math.dist(a, b)
         share = min(1.0, reach / length) if length else 1.0
         end = (a[0] + (b[0] - a[0]) * share, a[1] + (b[1] - a[1]) * share)
-        if any(_distance(point, a, end) < clearance for point in points):
+        if any(distance_to_line(point, a, end) < clearance for point in points):
             return True
         reach -= length
         if reach <= 0:
             break
     return False
-
-
-def _distance(point: Point, a: Point, b: Point) -> float:
-    """Distance of a point from a line between two others."""
-    dx, dy = b[0] - a[0], b[1] - a[1]
-    square = dx * dx + dy * dy
-    share = max(0.0, min(1.0, ((point[0] - a[0]) * dx + (point[1] - a[1]) * dy) / square)) if square else 0.0
-    return math.dist(point, (a[0] + share * dx, a[1] + share * dy))

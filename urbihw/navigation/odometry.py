@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
-from typing import ClassVar
+from typing import ClassVar, Final
 
 from urbihw.kernel.uobject import UObject, finite_numbers, function, owned, reading
-from urbihw.navigation.frames import MAX_METRES, ORIGIN, Pose, compose, frame_of, moved, wrapped
+from urbihw.navigation.frames import MAX_METRES, ORIGIN, Pose, compose, frame_of, moved, share_of, wrapped
+
+REMEMBERED: Final = 32
+"""Readings whose poses are kept, for scans that were taken between them."""
+LONGEST_GUESS: Final = 0.3
+"""Seconds after the last reading for which its speeds are taken to last."""
 
 
 class Odometry(UObject):
@@ -40,6 +46,7 @@ class Odometry(UObject):
         """Both frames are identical until ``position`` is written."""
         self.odometric: Pose = ORIGIN
         self.frame: Pose = ORIGIN
+        self._readings: deque[tuple[float, Pose]] = deque(maxlen=REMEMBERED)
         self.placed: Callable[[], None] = lambda: None
         self.notify_change(self.position, self._position_written)
 
@@ -53,6 +60,21 @@ class Odometry(UObject):
         """The pose in the absolute frame."""
         return compose(self.frame, self.odometric)
 
+    def absolute_at(self, stamp: float) -> Pose:
+        """The pose in the absolute frame at some time, s: between the readings, or a little after the last one."""
+        return compose(self.frame, self._odometric_at(stamp))
+
+    def _odometric_at(self, stamp: float) -> Pose:
+        readings = self._readings
+        if len(readings) < 2:
+            return self.odometric
+        number = len(readings) - 2
+        while number and readings[number][0] > stamp:
+            number -= 1
+        (before, last), (after, next_) = readings[number], readings[number + 1]
+        stamp = max(before, min(stamp, after + LONGEST_GUESS))
+        return share_of(last, next_, (stamp - before) / (after - before))
+
     def add_way(self, way: float, angle: float, stamp: float) -> None:
         """Add a distance (m) and a turn (rad, to the left) since the last reading."""
         self.show_pose(*moved(self.odometric, way, angle), way, angle, stamp)
@@ -60,6 +82,8 @@ class Odometry(UObject):
     def show_pose(self, x: float, y: float, heading: float, way: float, angle: float, stamp: float) -> None:
         """Show a new pose of the odometry, and the distance and turn to it."""
         self.odometric = (x, y, wrapped(heading))
+        if not self._readings or stamp > self._readings[-1][0]:
+            self._readings.append((stamp, self.odometric))
         for var, value in ((self.x, x), (self.y, y), (self.yaw, self.odometric[2])):
             var.sense(value, stamp)
         if way:
@@ -69,9 +93,9 @@ class Odometry(UObject):
         if way or angle:
             self._show_position(stamp)
 
-    def correct(self, pose: Pose) -> None:
-        """Set the pose in the absolute frame."""
-        self.frame = frame_of(pose, self.odometric)
+    def correct(self, pose: Pose, stamp: float | None = None) -> None:
+        """Set the pose in the absolute frame at some time, s, or now."""
+        self.frame = frame_of(pose, self.odometric if stamp is None else self._odometric_at(stamp))
         self._show_position(self.host.now())
 
     def _position_written(self) -> None:

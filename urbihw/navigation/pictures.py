@@ -20,8 +20,9 @@ Run = tuple[int, int, int]
 """A run of pixels: row from the top, first column, column behind the last."""
 
 
-def dark_runs(path: Path, free_above: float, *, negate: bool) -> tuple[int, int, list[Run]]:
-    """Width, height and the runs of pixels that are not lighter than ``free_above``.  Raises ValueError."""
+def dark_runs(path: Path, above: float, up_to: float, *, negate: bool) -> tuple[int, int, list[Run]]:
+    """Width, height and the runs of pixels that are lighter than ``above`` and not lighter than ``up_to``.  Raises
+    ValueError."""
     try:
         with Image.open(BytesIO(read_regular(path, MAX_FILE_BYTES).data)) as picture:
             width, height = picture.size
@@ -31,7 +32,7 @@ def dark_runs(path: Path, free_above: float, *, negate: bool) -> tuple[int, int,
     except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:
         why = getattr(error, "strerror", None) or "Pillow does not know its format"
         raise ValueError(f"{str(path)!r} cannot be read as a picture: {why}") from error
-    blocked = bytes((255 - value if negate else value) <= free_above for value in range(256))
+    blocked = bytes(above < (255 - value if negate else value) <= up_to for value in range(256))
     flags = data.translate(blocked)
     runs = []
     for row in range(height):
