@@ -230,6 +230,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.client",
         "urbihw.buses.verdict",
     ),
+    # What happens in a worker, recorded, shown and replayed: a client of the worker, never of the kernel or a platform.
+    "urbihw.recording": ("urbihw.buses", "urbihw.control_line", "urbihw.backoff", "urbihw.extras"),
     "urbihw.cli": (
         # To look at a simulated world.
         "urbihw.platforms.scene",
@@ -258,6 +260,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.client.values",
         "urbihw.buses.verdict",
         "urbihw.web",
+        "urbihw.recording",
     ),
     # A client of the server and of the bus worker: never of the kernel or a platform.  It uses the daemon's state
     # folder.

@@ -25,7 +25,8 @@ from urbihw.control_address import local_user
 STOP, ESTOP, RELEASE, STATE, SUBSCRIBE, HEALTH = "stop", "estop", "release", "state", "subscribe", "health"
 TRACE: Final = "trace"
 VALUES: Final = "values"
-VERBS: Final = (STOP, ESTOP, RELEASE, STATE, SUBSCRIBE, HEALTH, TRACE, VALUES)
+RECORD: Final = "record"
+VERBS: Final = (STOP, ESTOP, RELEASE, STATE, SUBSCRIBE, HEALTH, TRACE, VALUES, RECORD)
 NAMELESS: Final = "control socket"
 """Who asks, where a command does not say."""
 MAX_LINE_BYTES: Final = 4096
@@ -108,6 +109,7 @@ class ControlClient:
         self._long: _LongLine | None = None
         self.subscribed = False
         self.traces = False
+        self.records = False
         self.values_rate = 0.0
         self.values_due = 0.0
         self.closed = False
