@@ -9,6 +9,8 @@ from typing import Any, Final, NamedTuple
 from urbihw.recording import topics
 from urbihw.recording.reading import RecordedMessage
 
+FRESH_S: Final = 0.2
+"""Seconds by which a measured value may be older than the newest one of the device."""
 _NUMBER: Final = re.compile(r"[A-Za-z_]+(\d+)")
 
 
@@ -57,8 +59,11 @@ class DeviceReasons:
             limit = self._limited.get(item)
             because = f": limited by {limit.what}" if limit and limit.what else ""
             yield f"{time:10.3f}  applied {item} {value}{because}"
+        newest = max((said.time for said in self._measured.values()), default=0.0)
         for item, (time, value) in self._measured.items():
-            yield f"{time:10.3f}  measured {item} {value}"
+            # Registers that are read seldom, or once, say nothing of this moment.
+            if time > newest - FRESH_S:
+                yield f"{time:10.3f}  measured {item} {value}"
         for word in ("refused", "state", "stop", "estop", "held", "link"):
             if word in self._words and self._words[word].what:
                 said = self._words[word]

@@ -30,7 +30,8 @@ def write_csv(recording: Recording, wanted: Collection[str], stream: SupportsWri
     chosen = [name for name in columns if not wanted or name in wanted or name.partition(".")[0] in wanted]
     missing = [name for name in wanted if not any(name in (each, each.partition(".")[0]) for each in columns)]
     if missing:
-        raise UnreadableRecording(f"{recording.path}: has no values of {missing[0]}; it has: {', '.join(columns) or 'none'}")
+        known = ", ".join(columns) or "none"
+        raise UnreadableRecording(f"{recording.path}: has no values of {missing[0]}; it has: {known}")
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(["time", *chosen])
     count = 0
