@@ -12,24 +12,20 @@ import re
 import signal
 import sys
 import time
-from collections.abc import Mapping
 from contextlib import closing
 from datetime import datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
-from urbihw import platforms
-from urbihw.cli.options import CliRefused, complain
-from urbihw.cli.tracing import open_traffic, platform_of, traffic_of
+from urbihw.cli.options import CliRefused, complain, number
+from urbihw.cli.recordings import FILE_DOOR, FLIGHT_DOOR, begin_file, feed_of, maker_for, open_door, platform_for
+from urbihw.cli.tracing import open_traffic, traffic_of
 from urbihw.daemon.state import recordings_folder
 from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_UNAVAILABLE
 from urbihw.kernel.uobject import BadConfig
-from urbihw.recording.door import DoorTaken, RecorderDoor, ask
-from urbihw.recording.feed import WorkerFeed
+from urbihw.recording.door import ask
 from urbihw.recording.recorder import RobotRecorder
-from urbihw.recording.recording_file import SUFFIX, RecordingFile, RecordingRefused
-from urbihw.recording.records import RecordMaker
+from urbihw.recording.recording_file import SUFFIX, RecordingRefused
 
 WORDS: Final = ("stop", "estop", "lost")
 """What a recording may be ended by, besides a time."""
@@ -38,7 +34,7 @@ SIGNAL: Final = "signal"
 _NAME: Final = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,63}")
 _TIME: Final = re.compile(r"(\d{1,6}(?:\.\d{1,3})?)(s|min|h)")
 _SECONDS: Final = {"s": 1.0, "min": 60.0, "h": 3600.0}
-_DOORS: Final = {"stop": ".recording", "last": ".flight"}
+_DOORS: Final = {"stop": FILE_DOOR, "last": FLIGHT_DOOR}
 """What a recorder is asked -> the end of the name of its socket."""
 
 
@@ -52,12 +48,18 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--folder", type=Path, metavar="PATH", help="where to (default: one in the state folder)")
     parser.add_argument("--platform", metavar="NAME", help="of the robot, where its socket does not tell")
     parser.add_argument("--socket", type=Path, metavar="PATH", help="control socket of the robot")
+    parser.add_argument("--flight", type=number(1, 3600, "time in seconds"), metavar="S",
+                        help="keep the last S seconds in memory, for a daemon at the other end of standard input")
 
 
 def run(options: argparse.Namespace) -> int:
     """Record until Ctrl-C, ``stop`` or ``--until``; returns the exit code."""
     try:
         control = control_socket(options.socket)
+        if options.flight:
+            from urbihw.cli.flight import serve_flight  # only this needs the memory of the last minutes
+
+            return serve_flight(control, options.platform, options.folder, options.flight)
         if options.what:
             print(ask_recorder(control, options.what))
             return EX_OK
@@ -86,50 +88,6 @@ def ask_recorder(control: Path, what: str) -> str:
         raise CliRefused(f"{control.stem}: {none}", EX_UNAVAILABLE) from error
 
 
-def begin_file(path: Path, platform: str, maker: RecordMaker) -> RecordingFile:
-    """Begin a file, and its folder if there is none.  Raises RecordingRefused."""
-    try:
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    except OSError as error:
-        raise RecordingRefused(f"{path.parent}: {error.strerror}") from error
-    return RecordingFile(path, time.time_ns() - time.monotonic_ns(), about(platform, maker))
-
-
-def about(platform: str, maker: RecordMaker) -> Mapping[str, str]:
-    """What a file tells of itself; never a secret."""
-    return {
-        "platform": platform,
-        "version": version("urbihw"),
-        "python": sys.version.split()[0],
-        "wire": "yes" if maker.wire else "no: it may contain a login",
-        "monotonic0": f"{time.monotonic():.6f}",
-        "realtime0": f"{time.time():.6f}",
-    }
-
-
-def maker_for(platform: str) -> RecordMaker:
-    """What makes the records of a robot: without the wire if a login may be on it.  Raises BadConfig."""
-    manifest = platforms.find(platform)
-    hides = bool(manifest.trace) and platforms.load_trace(manifest)(()).hides
-    return RecordMaker(wire=not hides)
-
-
-def platform_for(control: Path, given: str) -> str:
-    """The platform of the robot behind a control socket.  Raises CliRefused if that is not known."""
-    platform = given or platform_of(control)
-    if not platform:
-        raise CliRefused(f"which robot is behind {control}? Give --platform", EX_CONFIG)
-    return platform
-
-
-def feed_of(control: Path) -> WorkerFeed:
-    """What a worker tells.  Raises CliRefused."""
-    try:
-        return WorkerFeed(control)
-    except (OSError, ValueError) as error:
-        raise CliRefused(f"{control}: {error}", EX_UNAVAILABLE) from error
-
-
 def _record(control: Path, options: argparse.Namespace) -> int:
     platform = platform_for(control, options.platform or "")
     maker = maker_for(platform)
@@ -137,13 +95,7 @@ def _record(control: Path, options: argparse.Namespace) -> int:
     name = options.name or f"{platform}-{datetime.now():%Y%m%d-%H%M%S}"
     with closing(feed_of(control)) as feed:
         ending = RecordingEnd(options.until)
-        try:
-            door = RecorderDoor(control.with_suffix(_DOORS["stop"]), lambda verb: ending.asked(verb, file.path))
-        except DoorTaken as error:
-            raise CliRefused(f"{control.stem}: it is recorded already; urbihw record stop ends that") from error
-        except OSError as error:
-            raise CliRefused(f"{control.parent}: {error.strerror}", EX_CONFIG) from error
-        with closing(door):
+        with closing(open_door(control, FILE_DOOR, lambda verb: ending.asked(verb, file.path))) as door:
             file = begin_file(folder / f"{name}{SUFFIX}", platform, maker)
             print(f"urbihw record: {file.path}; Ctrl-C ends it", file=sys.stderr)
             recorder = RobotRecorder(feed.queue, maker, [file])
