@@ -1,35 +1,41 @@
-"""The messages of a worker as events: objects of JSON, for the clients of its control socket; no I/O."""
+"""The messages of a worker as events: objects of JSON, for the clients of its control socket; no I/O.
+
+Most of a message is numbers and texts, which the encoder of JSON takes as they are: only what it does not know is
+converted, when it comes to that (`json_value`).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from typing import Any, Final
-
-MOST_TEXT: Final = 4000
-"""Characters of a text in an event; what is longer is cut."""
+from typing import Any
 
 
 def message_event(message: Any) -> dict[str, Any]:
-    """Return a message as an event: the name of its class, and its fields."""
-    values = {name: plain(getattr(message, name)) for name in message.__slots__}
-    return {"event": type(message).__name__, **values}
+    """Return a message as an event: the name of its class, and its fields.
 
-
-def plain(value: Any) -> Any:
-    """Return a value as JSON can have it.
-
-    Bytes are only counted. A table whose keys are devices and items becomes a list of rows: device, item, value.
+    A table whose keys are devices and items becomes a list of rows: device, item, value.
     """
+    event = {"event": type(message).__name__}
+    for name in message.__slots__:
+        event[name] = _rows(getattr(message, name))
+    return event
+
+
+def json_value(value: Any) -> Any:
+    """Return what JSON has for a value that its encoder does not know; bytes are only counted."""
     if isinstance(value, Mapping):
-        if any(isinstance(key, tuple) for key in value):
-            return [[*map(plain, key), plain(inner)] for key, inner in value.items()]
-        return {str(key): plain(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple | set | frozenset):
-        return [plain(inner) for inner in value]
+        return dict(value)
+    if isinstance(value, set | frozenset):
+        return [*value]
     if isinstance(value, bytes):
         return f"{len(value)} bytes"
     if is_dataclass(value) and not isinstance(value, type):
-        return {each.name: plain(getattr(value, each.name)) for each in fields(value)}
-    text = value if value is None or isinstance(value, str | int | float | bool) else str(value)
-    return text[:MOST_TEXT] if isinstance(text, str) else text
+        return {each.name: getattr(value, each.name) for each in fields(value)}
+    return str(value)
+
+
+def _rows(value: Any) -> Any:
+    if isinstance(value, Mapping) and isinstance(next(iter(value), None), tuple):
+        return [[*key, inner] for key, inner in value.items()]
+    return value
