@@ -45,7 +45,13 @@ class SimulatedWorker:
         kit = Bioloid.x_series(20, baud=BAUD)
         kit.pace(BAUD)
         self.clock = BusSimClock(100.0)
-        end = PipeEnd(lambda data, at: [end.send(each.data, each.at) for each in kit.feed(data, at)] and None)
+        end = PipeEnd()
+
+        def receive(data: bytes, at: float) -> None:
+            for answer in kit.feed(data, at):
+                end.send(answer.data, answer.at)
+
+        end.on_receive = receive
         self.pipe, theirs = Pipe()
         path = folder / "robot.sock"
         begin = m.Begin(m.Configure(rate=RATE, dead_man=0), control=str(path))

@@ -12,7 +12,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final
 
-from urbihw.cli.recordings import FLIGHT_DOOR, begin_file, feed_of, maker_for, open_door
+from urbihw.cli.recordings import FLIGHT_DOOR, RobotFeeds, begin_file, maker_for, open_door
 from urbihw.daemon.flight import FAREWELL
 from urbihw.exitcodes import EX_OK
 from urbihw.recording.flight import FlightMemory
@@ -71,8 +71,8 @@ def serve_flight(control: Path, platform: str, folder: Path, seconds: float) -> 
 
     memory = FlightMemory(seconds)
     flight = FlightRecorder(memory, maker, folder, begin)
-    with closing(feed_of(control)) as feed:
-        recorder = RobotRecorder(feed.queue, maker, [memory])
+    with closing(RobotFeeds(control)) as feeds:
+        recorder = RobotRecorder(feeds.queue, maker, [memory])
         recorder.heard = lambda word: flight.hear(word, time.monotonic())
         with closing(open_door(control, FLIGHT_DOOR, lambda verb: _answered(flight, verb))) as door:
             while not line.has_ended(time.monotonic()):

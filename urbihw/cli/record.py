@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Final
 
 from urbihw.cli.options import CliRefused, complain, number
-from urbihw.cli.recordings import FILE_DOOR, FLIGHT_DOOR, begin_file, feed_of, maker_for, open_door, platform_for
+from urbihw.cli.recordings import FILE_DOOR, FLIGHT_DOOR, RobotFeeds, begin_file, maker_for, open_door, platform_for
 from urbihw.cli.tracing import open_traffic, traffic_of
 from urbihw.daemon.state import recordings_folder
 from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_UNAVAILABLE
@@ -46,6 +46,8 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--until", type=_until, metavar="WHEN",
                         help="end after a time (90s, 10min, 1h), or at a stop, an estop, or when the link is lost")
     parser.add_argument("--folder", type=Path, metavar="PATH", help="where to (default: one in the state folder)")
+    parser.add_argument("--no-clients", action="store_false", dest="clients",
+                        help="leave out what clients send and get, the log and the settings")
     parser.add_argument("--platform", metavar="NAME", help="of the robot, where its socket does not tell")
     parser.add_argument("--socket", type=Path, metavar="PATH", help="control socket of the robot")
     parser.add_argument("--flight", type=number(1, 3600, "time in seconds"), metavar="S",
@@ -93,12 +95,12 @@ def _record(control: Path, options: argparse.Namespace) -> int:
     maker = maker_for(platform)
     folder = options.folder if options.folder is not None else recordings_folder() / platform
     name = options.name or f"{platform}-{datetime.now():%Y%m%d-%H%M%S}"
-    with closing(feed_of(control)) as feed:
+    with closing(RobotFeeds(control, options.clients)) as feeds:
         ending = RecordingEnd(options.until)
         with closing(open_door(control, FILE_DOOR, lambda verb: ending.asked(verb, file.path))) as door:
             file = begin_file(folder / f"{name}{SUFFIX}", platform, maker)
             print(f"urbihw record: {file.path}; Ctrl-C ends it", file=sys.stderr)
-            recorder = RobotRecorder(feed.queue, maker, [file])
+            recorder = RobotRecorder(feeds.queue, maker, [file])
             recorder.heard = ending.hear
             for number in (signal.SIGINT, signal.SIGTERM):
                 signal.signal(number, lambda *_: ending.hear(SIGNAL))

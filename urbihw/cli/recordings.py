@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import time
 from collections.abc import Callable, Mapping
@@ -12,9 +13,10 @@ from typing import Final
 from urbihw import platforms
 from urbihw.cli.options import CliRefused
 from urbihw.cli.tracing import platform_of
+from urbihw.daemon.record_feed import SUFFIX as DAEMON_FEED
 from urbihw.exitcodes import EX_CONFIG, EX_UNAVAILABLE
 from urbihw.recording.door import DoorTaken, RecorderDoor
-from urbihw.recording.feed import WorkerFeed
+from urbihw.recording.feed import DaemonFeed, LineQueue, SocketFeed, WorkerFeed
 from urbihw.recording.recording_file import RecordingFile, RecordingRefused
 from urbihw.recording.records import RecordMaker
 
@@ -60,12 +62,25 @@ def platform_for(control: Path, given: str) -> str:
     return platform
 
 
-def feed_of(control: Path) -> WorkerFeed:
-    """What a worker tells.  Raises CliRefused."""
-    try:
-        return WorkerFeed(control)
-    except (OSError, ValueError) as error:
-        raise CliRefused(f"{control}: {error}", EX_UNAVAILABLE) from error
+class RobotFeeds:
+    """What worker and daemon tell of a robot, in one queue."""
+
+    def __init__(self, control: Path, clients: bool = True) -> None:
+        """``clients``: also what the daemon tells, if there is one.  Raises CliRefused."""
+        self.queue = LineQueue()
+        self._feeds: list[SocketFeed] = []
+        try:
+            self._feeds.append(WorkerFeed(control, self.queue))
+        except (OSError, ValueError) as error:
+            raise CliRefused(f"{control}: {error}", EX_UNAVAILABLE) from error
+        with contextlib.suppress(OSError, ValueError):
+            if clients:
+                self._feeds.append(DaemonFeed(control.with_suffix(DAEMON_FEED), self.queue))
+
+    def close(self) -> None:
+        """End the connections to worker and daemon."""
+        for feed in self._feeds:
+            feed.close()
 
 
 def open_door(control: Path, door: str, answer: Callable[[str], str]) -> RecorderDoor:

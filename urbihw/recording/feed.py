@@ -1,4 +1,4 @@
-"""The lines of a worker, read in a thread, so that a slow disk holds up neither the socket nor the worker.
+"""The lines of a worker and of a daemon, read in threads, so that a slow disk holds up neither the sockets nor them.
 
 The queue between this thread and its reader has a size in bytes; beyond it the oldest lines are dropped and counted.
 """
@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final
 
 from urbihw.backoff import BackOff
-from urbihw.control_line import ControlLine, question
+from urbihw.control_line import ANSWER_TIMEOUT_S, ControlLine, question
 
 MOST_QUEUED_BYTES: Final = 16 << 20
 """Bytes that wait for the reader: more than a minute of a full wire."""
@@ -63,65 +63,85 @@ class LineQueue:
             return lines, lost
 
 
-class WorkerFeed:
-    """Reads what a worker tells to those who record; a worker that ended is waited for.
+class SocketFeed:
+    """Reads lines from a socket into a queue, in a thread; a socket that has ended is connected to again.
 
-    Attributes:
-        queue: the lines, and a line of an event ``Feed`` when the worker is there or gone.
+    ``name`` is that of the other side, for an event ``Feed`` in the queue when it is gone or back.
     """
 
-    def __init__(self, path: Path) -> None:
-        """Connect.  Raises OSError, and ValueError when what answers is no worker that can be recorded."""
-        self.queue = LineQueue()
+    def __init__(self, path: Path, queue: LineQueue, name: str) -> None:
+        """Connect.  Raises OSError, and ValueError when what answers there is not what it should be."""
         self._path = path
+        self._queue = queue
+        self._name = name
         self._ending = threading.Event()
         self._line = self._connect()
-        self._thread = threading.Thread(target=self._read, name="feed", daemon=True)
+        self._thread = threading.Thread(target=self._read, name=f"feed of the {name}", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
         """End the connection and the thread; calling it twice is fine."""
         self._ending.set()
-        self._line.close()
         self._thread.join(_MAX_PAUSE_S)
+        self._line.close()
 
     def _connect(self) -> ControlLine:
         line = ControlLine(self._path, MOST_LINE_BYTES)
         try:
-            line.send(question("record", WHO))
-            first = line.next_line(time.monotonic() + 1.0)
-            told = json.loads(first)
-            if not isinstance(told, dict) or told.get("ok") is not True or told.get("do") != "record":
-                raise ValueError(f"{self._path}: this daemon cannot be recorded; is it of the same version?")
-            line.send(json.dumps({"do": "values", "hz": VALUES_HZ}).encode() + b"\n")
+            self._greet(line)
         except BaseException:
             line.close()
             raise
-        self.queue.put(first)
         return line
+
+    def _greet(self, line: ControlLine) -> None:
+        """Say what is wanted on a new connection.  Raises OSError, ValueError."""
 
     def _read(self) -> None:
         pauses = BackOff(_FIRST_PAUSE_S, _MAX_PAUSE_S)
         while not self._ending.is_set():
             try:
-                while not self._ending.is_set():
-                    self.queue.put(self._line.next_line(time.monotonic() + _LOOK_S))
+                self._queue.put(self._line.next_line(time.monotonic() + _LOOK_S))
             except TimeoutError:
                 continue
             except (OSError, ValueError) as error:
-                if self._ending.is_set():
-                    return
                 self._line.close()
                 self._tell("gone", str(error) or "it ended the connection")
-            while not self._ending.wait(pauses.next_pause()):
-                try:
-                    self._line = self._connect()
-                except (OSError, ValueError):
-                    continue
-                pauses.reset()
-                self._tell("back", "")
-                break
+                self._connect_again(pauses)
+
+    def _connect_again(self, pauses: BackOff) -> None:
+        while not self._ending.wait(pauses.next_pause()):
+            try:
+                self._line = self._connect()
+            except (OSError, ValueError):
+                continue
+            pauses.reset()
+            self._tell("back", "")
+            return
 
     def _tell(self, what: str, why: str) -> None:
-        event = {"event": "Feed", "what": f"the worker is {what}", "reason": why, "at": time.monotonic()}
-        self.queue.put(json.dumps(event).encode())
+        event = {"event": "Feed", "what": f"the {self._name} is {what}", "reason": why, "at": time.monotonic()}
+        self._queue.put(json.dumps(event).encode())
+
+
+class WorkerFeed(SocketFeed):
+    """What a worker tells to those who record."""
+
+    def __init__(self, path: Path, queue: LineQueue) -> None:
+        super().__init__(path, queue, "worker")
+
+    def _greet(self, line: ControlLine) -> None:
+        line.send(question("record", WHO))
+        first = line.next_line(time.monotonic() + ANSWER_TIMEOUT_S)
+        told = json.loads(first)
+        if not isinstance(told, dict) or told.get("ok") is not True or told.get("do") != "record":
+            raise ValueError(f"{self._path}: this daemon cannot be recorded; is it of the same version?")
+        line.send(json.dumps({"do": "values", "hz": VALUES_HZ}).encode() + b"\n")
+        self._queue.put(first)
+
+
+class DaemonFeed(SocketFeed):
+    """What a daemon tells to those who record: settings, log, clients."""
+
+    def __init__(self, path: Path, queue: LineQueue) -> None:
+        super().__init__(path, queue, "daemon")

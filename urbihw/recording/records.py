@@ -20,11 +20,18 @@ _TOPIC_OF: Final = {
     "Statistics": topics.STATISTICS,
     "LinkState": topics.WIRE_STATE,
     "Found": topics.WIRE_STATE,
+    "Typed": topics.TYPED,
+    "Answered": topics.ANSWERED,
+    "Settings": topics.SETTINGS,
 }
 """Event -> topic; any other event is one of ``/events``."""
+_OF_DAEMON: Final = {"Log", "Typed", "Answered", "Settings"}
+"""Events that the daemon tells, not the worker."""
 _ONE_KIND: Final = {topics.SAMPLES, topics.VALUES, topics.TARGETS, topics.APPLIED, topics.WRITERS, topics.LIMITS,
-                    topics.STATISTICS}
+                    topics.STATISTICS, topics.TYPED, topics.ANSWERED, topics.SETTINGS}
 """Topics of one event only, whose name says nothing more."""
+_LEVELS: Final = {"debug": 1, "info": 2, "warning": 3, "error": 4, "critical": 5}
+"""Levels of the log, and their numbers in ``foxglove.Log``."""
 
 
 class TopicRecord(NamedTuple):
@@ -52,15 +59,19 @@ class RecordMaker:
     Attributes:
         wire: whether the bytes of the wire are kept.
         about: what the worker told of itself before the first event: ``url``, ``baud``, ``devices``, ``settings``.
-        beginning: what stands first in a file that begins later: what the worker told, and the first bytes of its
-            link, by which a driver found the devices.
     """
 
     def __init__(self, wire: bool = True) -> None:
         self.wire = wire
         self.about: dict[str, Any] = {}
-        self.beginning: list[TopicRecord] = []
+        self._beginning: dict[str, list[TopicRecord]] = {}
         self._last = 0.0
+
+    @property
+    def beginning(self) -> list[TopicRecord]:
+        """What stands first in a file that begins later: what the worker told of itself, the first bytes of its link,
+        by which a driver found the devices, and the settings."""
+        return [record for records in self._beginning.values() for record in records]
 
     def records(self, line: bytes) -> list[TopicRecord]:
         """Return the records of a line; one without sense gives an event that says so."""
@@ -77,16 +88,22 @@ class RecordMaker:
         found = []
         dropped = event.pop("dropped", 0)
         if dropped:
-            found.append(json_record(topics.LOST, self._last, {"count": int(dropped), "where": "worker"}))
+            where = "daemon" if kind in _OF_DAEMON else "worker"
+            found.append(json_record(topics.LOST, self._last, {"count": int(dropped), "where": where}))
         if kind == "Traffic":
             return found + self._traffic(event)
+        if kind == "Log":
+            return [*found, self._log(event)]
         time = self._last = float(event.pop("at", event.get("time", self._last)))
         topic = _TOPIC_OF.get(kind, topics.EVENTS)
         if topic in _ONE_KIND:
             del event["event"]
         if kind == "Samples":
             time = float(event["time"])
-        return [*found, json_record(topic, time, event)]
+        record = json_record(topic, time, event)
+        if kind == "Settings":
+            self._beginning["settings"] = [record]
+        return [*found, record]
 
     def _answer(self, answer: dict[str, Any]) -> list[TopicRecord]:
         if answer.get("do") != "record":
@@ -94,8 +111,21 @@ class RecordMaker:
         self._last = float(answer["time"])
         self.about = {name: answer[name] for name in ("url", "baud", "devices", "settings") if name in answer}
         state = {"event": "Worker", "up": bool(answer["link"]), "estop": answer["estop"], "epoch": answer["epoch"]}
-        self.beginning = [json_record(topics.WIRE_STATE, self._last, state | self.about)]
-        return self.beginning
+        found = self._beginning["worker"] = [json_record(topics.WIRE_STATE, self._last, state | self.about)]
+        return found
+
+    @staticmethod
+    def _log(event: dict[str, Any]) -> TopicRecord:
+        """A line of the log, as Foxglove expects it."""
+        seconds = float(event["date"])
+        return json_record(topics.LOG, float(event["at"]), {
+            "timestamp": {"sec": int(seconds), "nsec": round(seconds % 1 * 1e9)},
+            "level": _LEVELS.get(str(event["level"]), 2),
+            "message": str(event["text"]),
+            "name": str(event["fields"].get("logger", "")),
+            "file": "",
+            "line": 0,
+        })  # fmt: skip
 
     def _traffic(self, event: dict[str, Any]) -> list[TopicRecord]:
         found = []
@@ -107,5 +137,5 @@ class RecordMaker:
                 for time, way, data in event["chunks"]
             ]
         if event.get("opening"):
-            self.beginning = [*self.beginning, *found]
+            self._beginning["opening"] = found
         return found

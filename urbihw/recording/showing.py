@@ -16,9 +16,12 @@ KINDS: Final[Mapping[str, tuple[str, ...]]] = {
     "requests": (topics.REQUESTS,),
     "events": (topics.EVENTS, topics.WIRE_STATE, topics.LOST),
     "statistics": (topics.STATISTICS,),
+    "log": (topics.LOG,),
+    "clients": (topics.TYPED, topics.ANSWERED),
+    "settings": (topics.SETTINGS,),
 }
 """Word of a filter -> its topics."""
-USUAL: Final = ("targets", "requests", "events")
+USUAL: Final = ("targets", "requests", "events", "log")
 """What is shown without a filter: what somebody or something has done."""
 _SHOWN_BYTES: Final = 32
 _MOST_LINE: Final = 400
@@ -134,6 +137,20 @@ def _lost(message: RecordedMessage) -> tuple[str, str]:
     return "lost", f"{told['count']} records are missing here ({told['where']})"
 
 
+def _log(message: RecordedMessage) -> tuple[str, str]:
+    return "log", message.content()["message"]
+
+
+def _console(message: RecordedMessage) -> tuple[str, str]:
+    told = message.content()
+    return "typed" if message.topic == topics.TYPED else "answered", f"{told['client']}: {told['text'].strip()}"
+
+
+def _settings(message: RecordedMessage) -> tuple[str, str]:
+    settings = message.content()["settings"]
+    return "settings", ", ".join(f"{name} = {value}" for name, value in settings.items())
+
+
 _SHOW: Final[Mapping[str, Callable[[RecordedMessage], tuple[str, str]]]] = {
     topics.WIRE_OUT: _wire,
     topics.WIRE_IN: _wire,
@@ -148,4 +165,8 @@ _SHOW: Final[Mapping[str, Callable[[RecordedMessage], tuple[str, str]]]] = {
     topics.EVENTS: _event,
     topics.STATISTICS: _statistics,
     topics.LOST: _lost,
+    topics.LOG: _log,
+    topics.TYPED: _console,
+    topics.ANSWERED: _console,
+    topics.SETTINGS: _settings,
 }

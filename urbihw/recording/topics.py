@@ -21,6 +21,10 @@ LIMITS: Final = "/limits"
 EVENTS: Final = "/events"
 STATISTICS: Final = "/statistics"
 LOST: Final = "/lost"
+LOG: Final = "/log"
+TYPED: Final = "/console/in"
+ANSWERED: Final = "/console/out"
+SETTINGS: Final = "/settings"
 
 
 class TopicKind(NamedTuple):
@@ -65,6 +69,13 @@ TOPICS: Final[Mapping[str, TopicKind]] = {
     LIMITS: TopicKind("urbihw.Limits", {"table": _ROWS, "thresholds": {"type": "array"}}),
     EVENTS: TopicKind("urbihw.Events", _EVENT),
     STATISTICS: TopicKind("urbihw.Statistics", {"rate": _NUMBER, "late": _NUMBER, "load": _NUMBER}),
+    LOG: TopicKind("foxglove.Log", {
+        "timestamp": {"type": "object", "title": "time", "properties": {"sec": _NUMBER, "nsec": _NUMBER}},
+        "level": {"type": "integer"}, "message": _TEXT, "name": _TEXT, "file": _TEXT, "line": {"type": "integer"},
+    }),
+    TYPED: TopicKind("urbihw.Console", {"client": _TEXT, "text": _TEXT, "size": _NUMBER}),
+    ANSWERED: TopicKind("urbihw.Console", {"client": _TEXT, "text": _TEXT, "size": _NUMBER}),
+    SETTINGS: TopicKind("urbihw.Settings", {"settings": {"type": "object"}}),
     LOST: TopicKind("urbihw.Lost", {"count": _NUMBER, "where": _TEXT}),
 }  # fmt: skip
 """Topic -> its kind."""
