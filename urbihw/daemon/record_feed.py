@@ -24,7 +24,7 @@ SUFFIX: Final = ".feed"
 MOST_UNREAD: Final = 1 << 20
 """Bytes that wait for a recorder; beyond that lines are dropped."""
 MOST_TEXT: Final = 4000
-"""Bytes of a piece that a client sent or gets; a longer one is cut, and its size is told."""
+"""Bytes of a piece that a client sent or gets; a longer one is cut, and its size stands beside it."""
 MOST_CLIENTS: Final = 4
 
 
