@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import subprocess
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -52,6 +54,16 @@ def test_record_look_kill_and_play_again(daemon: Daemon, folder: Path) -> None:
     assert "applied" in command("show", str(part), "--device", "6").stdout
     typed = [message.content()["text"] for message in Recording(part).messages((topics.TYPED,))]
     assert any("motor6.val = 0.5" in text for text in typed)
+
+    report = folder / "report.zip"
+    assert command("report", "-o", str(report)).returncode == 0 and report.stat().st_mode & 0o777 == 0o600
+    with zipfile.ZipFile(report) as archive:
+        assert {*archive.namelist()} == {"about.txt", "doctor.txt", "health.json", "recording.mcap"}
+        assert "ok    Python" in archive.read("doctor.txt").decode()
+        assert len(json.loads(archive.read("health.json"))["devices"]) == 19
+        archive.extract("recording.mcap", folder)
+    assert any(Recording(folder / "recording.mcap").messages((topics.APPLIED,)))
+    assert command("report", "-o", str(report)).returncode == 78  # nothing is overwritten
 
     # The daemon dies without a word: the flight recorder writes what it has.
     daemon.process.kill()

@@ -46,6 +46,7 @@ COMMANDS: Final = {
     "record": "record a robot in a file: its wire, values, targets and events",
     "show": "show what happened in a recording, and why",
     "replay": "play the wire of a recording: a robot that answers as the recorded one did",
+    "report": "write one file for a bug report, without secrets",
     "trace": "show the traffic of a robot's bus, decoded",
     "install-service": "install a robot as a service of systemd",
     "new-platform": "write the skeleton of a new robot into a clone of the sources",
