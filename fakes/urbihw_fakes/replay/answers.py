@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from itertools import takewhile
 from typing import Final
 
 from urbihw_fakes.replay.capture import Piece
@@ -31,7 +32,7 @@ class Exchanged:
 
 
 def exchanges(pieces: Iterable[Piece], framing: Framing) -> Iterator[Exchanged]:
-    """Yield the exchanges of a capture in their order; what came before the first request is left out."""
+    """Yield the exchanges of a capture in their order, without its prelude."""
     made: list[Exchanged] = []
     asked_at = last_at = 0.0
     gap = False
@@ -49,6 +50,12 @@ def exchanges(pieces: Iterable[Piece], framing: Framing) -> Iterator[Exchanged]:
         gap = gap or piece.way == "!"
         last_at = piece.time
     yield from made
+
+
+def prelude(pieces: Iterable[Piece]) -> list[tuple[float, bytes]]:
+    """Return what came before the first request, with delays in s from the first piece: some robots speak unasked."""
+    before = list(takewhile(lambda piece: piece.way != ">", pieces))
+    return [(piece.time - before[0].time, piece.data) for piece in before if piece.way == "<"]
 
 
 def cut(buffer: bytes, framing: Framing) -> tuple[list[bytes], bytes]:

@@ -18,6 +18,8 @@ from typing import Final, NamedTuple
 from urbihw_fakes.errors import UnknownRequest
 
 HEAD: Final = "# urbihw trace: "
+ON_CAN: Final = ("segway", "cia402")
+"""Platforms that may be on a CAN bus."""
 MOST_BYTES: Final = 256 << 20
 """Bytes of traffic that are kept at most."""
 _LINE: Final = re.compile(r"(\d{1,12}(?:\.\d{1,12})?)\s+([<>])((?:\s[0-9A-Fa-f]{2})+)\s*")
@@ -38,6 +40,14 @@ class Capture:
 
     platform: str
     pieces: tuple[Piece, ...]
+
+    @property
+    def is_can(self) -> bool:
+        """Whether it is that of a CAN bus: a Segway may also be on its maker's link, whose packets are longer."""
+        if self.platform not in ON_CAN:
+            return False
+        frames = [piece.data for piece in self.pieces if piece.data]
+        return bool(frames) and all(2 <= len(frame) <= 10 and frame[0] < 8 for frame in frames)
 
 
 def read_capture(lines: Iterable[str]) -> Capture:

@@ -6,10 +6,11 @@ from collections import deque
 from collections.abc import Callable
 
 from urbihw_fakes.device import Answer, Device
-from urbihw_fakes.replay.answers import AnswerOrder, AnswerTable, Exchanged, cut, exchanges
+from urbihw_fakes.replay.answers import AnswerOrder, AnswerTable, Exchanged, cut, exchanges, prelude
 from urbihw_fakes.replay.capture import Capture
 from urbihw_fakes.replay.framing import framing_of
 
+PAUSE = 0.01  # s between two rounds of what a robot says unasked
 THE_ROBOT = 1
 """The number of what answers, for `urbihw_fakes.faults`."""
 
@@ -32,11 +33,14 @@ class Replay(Device):
         self._strict = strict
         self._scale = 1 / speed if speed else 0.0
         self._rest = b""
+        self._prelude = deque(prelude(capture.pieces))
+        self._begun_at: float | None = None
         self._gaps: deque[tuple[float, bool]] = deque()
 
     def receive(self, data: bytes, now: float) -> list[Answer]:
         """Answer the requests that these bytes complete."""
         requests, self._rest = cut(self._rest + data, self._framing)
+        self._prelude.clear()
         answers: list[Answer] = []
         for request in requests:
             found = self.answers.find(request)
@@ -45,14 +49,27 @@ class Replay(Device):
         return answers
 
     def tick(self, now: float) -> list[Answer]:
-        """Take the adapter away, or bring it back."""
+        """Return what the robot says unasked until the first request; take the adapter away, or bring it back."""
         while self._gaps and self._gaps[0][0] <= now:
             self.plug(self._gaps.popleft()[1])
-        return []
+        said = []
+        self._begun_at = now if self._begun_at is None else self._begun_at
+        while self._prelude and (at := self._begun_at + self._prelude[0][0] * self._scale) <= now:
+            said.append(Answer(at, self._prelude[0][1]))
+            self._prelude.rotate(-1)
+            if self._strict:
+                self._prelude.pop()
+            elif self._prelude[0][0] <= self._prelude[-1][0]:
+                # From the beginning again, after a pause as long as those before.
+                self._begun_at = now + PAUSE
+        return said
 
     def due(self) -> float | None:
-        """Return when the adapter goes or comes next."""
-        return self._gaps[0][0] if self._gaps else None
+        """Return when the adapter goes or comes next, or the robot says something unasked."""
+        begun = self._begun_at or 0.0
+        dues = [begun + self._prelude[0][0] * self._scale] if self._prelude else []
+        dues += [self._gaps[0][0]] if self._gaps else []
+        return min(dues, default=None)
 
     def power_off(self, now: float, who: int | None = None) -> None:
         """Be silent until `power_on`."""

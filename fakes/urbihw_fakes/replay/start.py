@@ -6,11 +6,15 @@ import argparse
 from collections.abc import Mapping
 from pathlib import Path
 
+from urbihw_fakes.can.device import CanDevice
+from urbihw_fakes.can.slcan import Slcan
+from urbihw_fakes.can.slcan_pty import SlcanPty
 from urbihw_fakes.console import Command
 from urbihw_fakes.endpoint import PtyEndpoint, TcpEndpoint
 from urbihw_fakes.errors import UnknownRequest
 from urbihw_fakes.replay.capture import read_capture
 from urbihw_fakes.replay.device import Replay
+from urbihw_fakes.replay.node import ReplayNode
 from urbihw_fakes.serving import Endpoint
 
 HELP = "a recorded robot, from a capture with times"
@@ -34,7 +38,11 @@ def start(options: argparse.Namespace) -> tuple[Endpoint, Mapping[str, Command]]
         capture = read_capture(file)
     device = Replay(capture, strict=options.strict, speed=options.speed)
     endpoint: Endpoint
-    if options.tcp is not None:
+    if capture.is_can:
+        if options.tcp is not None:
+            raise UnknownRequest("--tcp: this is the recording of a CAN bus; a CAN adapter is on a --pty")
+        endpoint = SlcanPty(CanDevice(ReplayNode(device), Slcan()), options.pty or None)
+    elif options.tcp is not None:
         endpoint = TcpEndpoint(device, options.tcp)
     else:
         endpoint = PtyEndpoint(device, options.pty or None)
