@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from urbihw.buses import messages as m
+from urbihw.buses.control import REST_S
 from urbihw.buses.control_client import MAX_QUEUED_LINES
 from urbihw.buses.events import message_event
 
@@ -111,3 +112,22 @@ def test_options_that_may_be_passwords_are_not_told(bench: ControlBench) -> None
     bench.run(0.02)
     settings = answer.hear()[0]["settings"]
     assert settings == {"rate": 100.0, "dead_man": 2.5, "torque_off_on_stop": False, "resume": True}
+
+
+def test_whatever_a_message_contains_the_worker_goes_on(bench: ControlBench) -> None:
+    circle: list[object] = []
+    circle.append(circle)
+    odd = [{(1, "a"): b"xyz"}, circle, {frozenset((1,)): object()}, float("nan"), "\udc80", {b"key": {2: (3,)}}]
+    caller = bench.call()
+    caller.say("record")
+    caller.say("subscribe")
+    bench.run(2 * REST_S)
+    caller.hear()
+    bench.engine._reports.post([m.Reply(number, True, value) for number, value in enumerate(odd)])
+    bench.engine._reports.post([m.DeviceReport(6, "odd", value) for value in odd])
+    bench.engine._reports.post([m.Samples(1.0, {6: {"odd": value}}, {6: 1.0}) for value in odd])
+    bench.run(0.05)
+    said = caller.hear()
+    assert len(events(said, "Reply")) == len(odd) and len(events(said, "DeviceReport")) == 2 * len(odd)
+    assert events(said, "Reply")[0]["value"] == [[1, "a", "3 bytes"]]
+    assert events(said, "Samples")[0]["values"] == {"6": {"odd": {"(1, 'a')": "3 bytes"}}}

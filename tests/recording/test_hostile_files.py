@@ -81,6 +81,7 @@ def test_a_file_cut_or_damaged_anywhere_never_raises(tmp_path: Path) -> None:
             assert str(error).startswith(str(path))
             continue
         assert len(list(in_order(recording.messages()))) <= 50
+        assert len(list(recording.messages(since=10.0, until=20.0))) <= 11
 
 
 def test_what_stands_before_the_damage_is_read(tmp_path: Path) -> None:

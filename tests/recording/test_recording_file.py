@@ -12,9 +12,10 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
+from mcap.records import Chunk
 from recording_lab import UTC_NS, write
 
-from urbihw.recording import topics
+from urbihw.recording import reading, topics
 from urbihw.recording.reading import Recording
 from urbihw.recording.recording_file import PART, RecordingFile, RecordingRefused, part_of
 from urbihw.recording.records import TopicRecord
@@ -124,3 +125,29 @@ def test_a_disk_is_left_to_others_before_it_is_full_and_a_file_has_an_end(tmp_pa
         file.add(TopicRecord(topics.WIRE_IN, float(number), os.urandom(100)))
         file.keep(float(number))
     assert "which is the most" in file.problem and (tmp_path / "b.mcap").stat().st_size < 10_000
+
+
+@pytest.mark.parametrize("complete", [True, False])
+def test_a_part_is_the_same_with_an_index_and_without(complete: bool, tmp_path: Path) -> None:
+    file = RecordingFile(tmp_path / "a.mcap", UTC_NS, {})
+    for number in range(3000):
+        topic = topics.WIRE_IN if number % 2 else topics.WIRE_OUT
+        file.add(TopicRecord(topic, number / 100, number.to_bytes(2, "big")))
+        file.keep(number / 100)
+    path = file.close() if complete else part_of(tmp_path / "a.mcap")
+    recording = Recording(path)
+    part = [int.from_bytes(message.data, "big") for message in recording.messages((topics.WIRE_IN,), 10.0, 12.0)]
+    assert part == list(range(1001, 1200, 2))
+    unpacked: list[Chunk] = []
+    whole = reading._unpacked
+
+    def unpack(chunk: Chunk) -> Chunk:
+        unpacked.append(chunk)
+        return whole(chunk)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(reading, "_unpacked", unpack)
+        assert len(list(recording.messages(since=10.0, until=12.0))) == 201
+    assert len(unpacked) <= 6 if complete else len(unpacked) > 25
+    if not complete:
+        file.close()

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from urbihw.buses.authority import plain_name
-from urbihw.buses.events import json_value
+from urbihw.buses.events import event_line
 from urbihw.buses.messages import Release
 from urbihw.control_address import local_user
 
@@ -213,7 +213,7 @@ class ControlClient:
         """Queue a line and send what the socket takes; a client that asks and never reads is disconnected."""
         if len(self._waiting) > 2 * MAX_QUEUED_LINES:
             self.close()
-        self._waiting.append(json.dumps(message, separators=(",", ":"), default=json_value).encode() + b"\n")
+        self._waiting.append(event_line(message))
         self.flush()
 
     def send_telemetry(self, message: Mapping[str, Any]) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import heapq
 import json
+import math
 import os
 import stat
 from collections.abc import Collection, Iterator, Mapping
@@ -89,7 +90,6 @@ class Recording:
             raise UnreadableRecording(f"this needs a package: {install_command('recording')}") from error
         self.path = path
         self.damage = ""
-        self._first: int | None = None
         self.head = self._read_head()
 
     def messages(
@@ -100,7 +100,9 @@ class Recording:
 
         Raises UnreadableRecording only for a file that can no longer be opened.
         """
-        for topic, stamp, data in self._stamped():
+        begun = self.head.begun_ns / 1e9
+        # Of a chunk outside nothing is unpacked; a second more on both sides makes up for the rounding.
+        for topic, stamp, data in self._stamped(window=(begun + since - 1.0, begun + until + 1.0)):
             time = (stamp - self.head.begun_ns) / 1e9
             if since <= time <= until and (not topics or topic in topics):
                 yield RecordedMessage(topic, time, data)
@@ -113,13 +115,18 @@ class Recording:
             raise UnreadableRecording(f"{self.path}: nothing in it can be read: {self.damage}")
         return RecordingHead(about, 0)
 
-    def _stamped(self, about: dict[str, str] | None = None) -> Iterator[tuple[str, int, bytes]]:
-        """Yield topic, UTC in ns and bytes of each message; stop where the file is damaged, and note why."""
+    def _stamped(
+        self, about: dict[str, str] | None = None, window: tuple[float, float] = (-math.inf, math.inf)
+    ) -> Iterator[tuple[str, int, bytes]]:
+        """Yield topic, UTC in ns and bytes of each message; stop where the file is damaged, and note why.
+
+        Chunks outside the ``window``, UTC in s, are passed over if the file has an index of its channels.
+        """
         from mcap.exceptions import EndOfFile
 
         with _open(self.path) as file:
             try:
-                yield from self._read(file, {} if about is None else about)
+                yield from self._read(file, {} if about is None else about, window)
             except (EndOfFile, EOFError):
                 self.damage = "it ends in the middle: its recorder did not complete it"
             except UnreadableRecording:
@@ -128,11 +135,14 @@ class Recording:
                 # Whatever a reader makes of bytes that lie: it is the file's fault, and what came before stands.
                 self.damage = f"damaged after {file.tell()} bytes ({type(error).__name__})"
 
-    def _read(self, file: IO[bytes], about: dict[str, str]) -> Iterator[tuple[str, int, bytes]]:
+    def _read(
+        self, file: IO[bytes], about: dict[str, str], window: tuple[float, float]
+    ) -> Iterator[tuple[str, int, bytes]]:
         from mcap.records import Channel, Chunk, Message, Metadata
         from mcap.stream_reader import StreamReader, breakup_chunk
 
-        topics: dict[int, str] = {}
+        topics = _indexed_topics(file) if window != (-math.inf, math.inf) else {}
+        has_index = bool(topics)
 
         def told(record: McapRecord) -> Iterator[tuple[str, int, bytes]]:
             if isinstance(record, Message):
@@ -140,7 +150,7 @@ class Recording:
                 if topic is not None:
                     yield topic, record.log_time, record.data
             elif isinstance(record, Channel):
-                if len(topics) >= MOST_CHANNELS:
+                if len(topics) >= MOST_CHANNELS and record.id not in topics:
                     raise ValueError("too many channels")
                 topics[record.id] = record.topic
             elif isinstance(record, Metadata) and record.name == "urbihw":
@@ -148,10 +158,27 @@ class Recording:
 
         for record in StreamReader(file, emit_chunks=True, record_size_limit=MOST_CHUNK_BYTES).records:
             if isinstance(record, Chunk):
+                begin, end = record.message_start_time / 1e9, record.message_end_time / 1e9
+                if has_index and (end < window[0] or begin > window[1]):
+                    continue
                 for inner in breakup_chunk(_unpacked(record)):
                     yield from told(inner)
             else:
                 yield from told(record)
+
+
+def _indexed_topics(file: IO[bytes]) -> dict[int, str]:
+    """Return the channels that the index at the end of a file names; none if there is no sound index."""
+    from mcap.reader import SeekingReader
+
+    try:
+        summary = SeekingReader(file, record_size_limit=MOST_CHUNK_BYTES).get_summary()
+        channels = {} if summary is None else summary.channels
+    except Exception:
+        # An index that lies is none.
+        channels = {}
+    file.seek(0)
+    return {number: channel.topic for number, channel in channels.items()} if len(channels) <= MOST_CHANNELS else {}
 
 
 def _open(path: Path) -> IO[bytes]:
