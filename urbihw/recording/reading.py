@@ -101,7 +101,7 @@ class Recording:
         Raises UnreadableRecording only for a file that can no longer be opened.
         """
         begun = self.head.begun_ns / 1e9
-        # Of a chunk outside nothing is unpacked; a second more on both sides makes up for the rounding.
+        # A chunk outside is not unpacked; a second more on both sides makes up for the rounding.
         for topic, stamp, data in self._stamped(window=(begun + since - 1.0, begun + until + 1.0)):
             time = (stamp - self.head.begun_ns) / 1e9
             if since <= time <= until and (not topics or topic in topics):
@@ -175,7 +175,7 @@ def _indexed_topics(file: IO[bytes]) -> dict[int, str]:
         summary = SeekingReader(file, record_size_limit=MOST_CHUNK_BYTES).get_summary()
         channels = {} if summary is None else summary.channels
     except Exception:
-        # An index that lies is none.
+        # An index that lies is worth nothing.
         channels = {}
     file.seek(0)
     return {number: channel.topic for number, channel in channels.items()} if len(channels) <= MOST_CHANNELS else {}
