@@ -63,6 +63,7 @@ bench: .venv/installed-dev .venv/installed-mujoco
 	$(BIN)/python -m bench.nao
 	$(BIN)/python -m bench.remote
 	$(BIN)/python -m bench.stop
+	$(BIN)/python -m bench.recording
 	$(BIN)/python -m bench.worlds
 
 small-board: .venv/installed-dev

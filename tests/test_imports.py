@@ -240,6 +240,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.client",
         "urbihw.buses.verdict",
     ),
+    # What happens in a worker, recorded, shown and replayed: a client of the worker, never of the kernel or a platform.
+    "urbihw.recording": ("urbihw.buses", "urbihw.control_line", "urbihw.backoff", "urbihw.extras"),
     "urbihw.cli": (
         "urbihw.release",
         # To look at a simulated world.
@@ -270,6 +272,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.client.values",
         "urbihw.buses.verdict",
         "urbihw.web",
+        "urbihw.recording",
     ),
     # A client of the server and of the bus worker: never of the kernel or a platform.  It uses the daemon's state
     # folder.

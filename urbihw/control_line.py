@@ -106,8 +106,18 @@ class ControlLine:
     def next_told(self, until: float) -> Any:
         """What the next line tells.
 
+        Raises what ``next_line`` does, and ValueError or RecursionError for a line without sense.
+        """
+        line = self.next_line(until)
+        import json  # not before: the request is on its way, and this takes longer
+
+        return json.loads(line)
+
+    def next_line(self, until: float) -> bytes:
+        """The next line, without its end.
+
         Raises TimeoutError at a time (``time.monotonic``), ConnectionResetError at the end of the connection, other
-        OSErrors, and ValueError or RecursionError for a line without sense.
+        OSErrors, and ValueError for a line that is too long.
         """
         while b"\n" not in self._buffer:
             left = until - time.monotonic()
@@ -121,9 +131,7 @@ class ControlLine:
             if len(self._buffer) > self._longest:
                 raise ValueError(f"more than {self._longest} bytes in a line")
         line, _, self._buffer = self._buffer.partition(b"\n")
-        import json  # not before: the request is on its way, and this takes longer
-
-        return json.loads(line)
+        return line
 
     def close(self) -> None:
         """End the connection to the worker."""

@@ -11,7 +11,7 @@ from urbihw.buses.clock import BusSimClock
 from urbihw.buses.link import Context, Url
 from urbihw.buses.servos import trace
 from urbihw.buses.trace import Chunk
-from urbihw.buses.traffic import MOST_BYTES, MOST_CHUNKS, TrafficLog
+from urbihw.buses.traffic import MOST_BYTES, MOST_CHUNKS, MOST_OPENING_BYTES, OPENING_S, TrafficLog
 from urbihw.buses.turnaround import BusMeter
 
 from .conftest import Rig
@@ -51,6 +51,7 @@ def test_the_answer_tells_how_to_decode(bench: ControlBench) -> None:
 
 
 def test_nobody_listens_nothing_is_collected(bench: ControlBench) -> None:
+    bench.run(OPENING_S)
     link = bench.engine._link.port
     assert link is not None and link.observer is None
     caller = bench.call()
@@ -60,6 +61,26 @@ def test_nobody_listens_nothing_is_collected(bench: ControlBench) -> None:
     caller.close()
     bench.run(0.05)
     assert link.observer is None
+
+
+def test_the_first_seconds_of_a_link_are_kept_for_who_records_later(bench: ControlBench) -> None:
+    sent = bench.rig.sent()
+    bench.run(OPENING_S + 1.0)
+    caller = bench.call()
+    caller.say("record")
+    bench.run(0.05)
+    first, opening, *_ = caller.hear()
+    assert first["do"] == "record" and first["settings"]["rate"] == 100.0 and opening["opening"]
+    written = [data.hex(" ").upper() for direction, data in traffic([opening]) if direction == ">"]
+    assert len(sent) > 250 and written[: len(sent)] == sent
+
+
+def test_the_first_seconds_are_bounded(rig: Rig) -> None:
+    log = TrafficLog("pipe://robot", rig.clock)
+    log.begin(rig.link)
+    for _ in range(5):
+        rig.link.observer("<", b"x" * (MOST_OPENING_BYTES // 2))  # type: ignore[misc]
+    assert [len(row[2]) // 2 for row in log.opening()["chunks"]] == [MOST_OPENING_BYTES // 2] * 2
 
 
 def test_what_waits_is_bounded_and_the_loss_is_told(rig: Rig) -> None:

@@ -29,8 +29,8 @@ and `control_client` (the socket for stops), `ticker`, `robot_link`, `driver` (t
 `authority` (who may move it), `thresholds` and `setpoints` (limits), `reports` with `counter` and `processor`.
 
 What it tells of the wire: `health`, `inventory` (expected devices), `readings` (their units), `verdict`, `pace` and
-`turnaround` (why it is slow), `traffic` and `trace` (bytes for people). Packets cut short: `halfpacket`. The wires of
-several robots are packages: `servos`, `can`.
+`turnaround` (why it is slow), `traffic` and `trace` (bytes for people), `events` and `journal` (messages for
+recorders). Packets cut short: `halfpacket`. The wires of several robots are packages: `servos`, `can`.
 """
 
 from __future__ import annotations

@@ -21,8 +21,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from urbihw.buses.control_client import HEALTH, STATE, TRACE, URGENT, ControlClient, ControlCommand
+from urbihw.buses.control_client import HEALTH, RECORD, STATE, TRACE, URGENT, ControlClient, ControlCommand
 from urbihw.buses.errors import Unavailable
+from urbihw.buses.events import message_event
 from urbihw.buses.messages import (
     DeviceReport,
     DeviceState,
@@ -45,7 +46,7 @@ MOST_LISTENERS: Final = 3
 """Sockets at files of which all but the last were deleted."""
 REST_S: Final = 0.05
 """Seconds for which a client is not read after a question whose answer takes about a millisecond to make."""
-_COSTLY: Final = (STATE, HEALTH, TRACE)
+_COSTLY: Final = (STATE, HEALTH, TRACE, RECORD)
 _EVENTS: Final = (Samples, DeviceState, LinkState, DeviceReport, Stopped, Latched, Statistics)
 
 
@@ -134,7 +135,7 @@ class ControlSocket:
             return
         listeners = [client for client in self._clients if client.subscribed and not client.closed]
         if listeners:
-            line = _as_json(message)
+            line = message_event(message)
             for client in listeners:
                 client.send_telemetry(line)
 
@@ -154,6 +155,17 @@ class ControlSocket:
     def is_traced(self) -> bool:
         """Whether a client wants the bytes on the wire."""
         return any(client.traces and not client.closed for client in self._clients)
+
+    @property
+    def is_recorded(self) -> bool:
+        """Whether a client wants all that happens in the worker."""
+        return any(client.records and not client.closed for client in self._clients)
+
+    def publish_record(self, event: Mapping[str, Any]) -> None:
+        """Send an event (`WorkerJournal`) to the clients that record."""
+        for client in self._clients:
+            if client.records and not client.closed:
+                client.send_telemetry(event)
 
     def publish_traffic(self, event: Mapping[str, Any]) -> None:
         """Send bytes of the wire (`TrafficLog.take`) to the clients that want them."""
@@ -204,18 +216,3 @@ def _listen_at_name(path: Path) -> socket.socket | None:
         listener.close()
         return None
     return listener
-
-
-def _as_json(message: FromWorker) -> dict[str, Any]:
-    fields = {name: _plain(getattr(message, name)) for name in message.__slots__}
-    return {"event": type(message).__name__, **fields}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {str(key): _plain(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(inner) for inner in value]
-    if isinstance(value, bytes):
-        return f"{len(value)} bytes"
-    return value if value is None or isinstance(value, str | int | float | bool) else str(value)

@@ -18,6 +18,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from urbihw.buses.events import event_line
 from urbihw.buses.latches import plain_name
 from urbihw.buses.messages import Release
 from urbihw.control_address import local_user
@@ -25,7 +26,8 @@ from urbihw.control_address import local_user
 STOP, ESTOP, RELEASE, STATE, SUBSCRIBE, HEALTH = "stop", "estop", "release", "state", "subscribe", "health"
 TRACE: Final = "trace"
 VALUES: Final = "values"
-VERBS: Final = (STOP, ESTOP, RELEASE, STATE, SUBSCRIBE, HEALTH, TRACE, VALUES)
+RECORD: Final = "record"
+VERBS: Final = (STOP, ESTOP, RELEASE, STATE, SUBSCRIBE, HEALTH, TRACE, VALUES, RECORD)
 NAMELESS: Final = "control socket"
 """Who asks, where a command does not say."""
 MAX_LINE_BYTES: Final = 4096
@@ -108,6 +110,7 @@ class ControlClient:
         self._long: _LongLine | None = None
         self.subscribed = False
         self.traces = False
+        self.records = False
         self.values_rate = 0.0
         self.values_due = 0.0
         self.closed = False
@@ -210,7 +213,7 @@ class ControlClient:
         """Queue a line and send what the socket takes; a client that asks and never reads is disconnected."""
         if len(self._waiting) > 2 * MAX_QUEUED_LINES:
             self.close()
-        self._waiting.append(json.dumps(message, separators=(",", ":"), default=str).encode() + b"\n")
+        self._waiting.append(event_line(message))
         self.flush()
 
     def send_telemetry(self, message: Mapping[str, Any]) -> None:

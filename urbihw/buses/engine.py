@@ -18,19 +18,20 @@ The loop ends when the pipe is closed or on request (SIGTERM, death of the paren
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
 from urbihw.buses.authority import MotionAuthority
 from urbihw.buses.control import ControlSocket
-from urbihw.buses.control_client import ESTOP, HEALTH, RELEASE, STATE, SUBSCRIBE, TRACE, VALUES
+from urbihw.buses.control_client import ESTOP, HEALTH, RECORD, RELEASE, STATE, SUBSCRIBE, TRACE, VALUES
 from urbihw.buses.driver import Driver
 from urbihw.buses.errors import Unavailable
 from urbihw.buses.gate import Gate, ThresholdActions
-from urbihw.buses.health import HealthRecord
+from urbihw.buses.health import HealthRecord, Key
 from urbihw.buses.inbox import Inbox
 from urbihw.buses.inventory import Inventory
+from urbihw.buses.journal import WorkerJournal
 from urbihw.buses.link import Context
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import (
@@ -110,8 +111,9 @@ class Engine:
         for watch in begin.watches:
             driver.watch(watch, now)
         self._control = None if control is None else self._open_control_socket(control)
-        self._reports = Reports(mailbox, self._control, self._health, self._inventory, self._traffic, self._clock,
-                                self._processor)
+        self._journal = WorkerJournal(self._control, begin, self._clock)
+        self._reports = Reports(mailbox, self._control, self._health, self._inventory, self._traffic, self._journal,
+                                self._clock, self._processor)
         self._link = RobotLink(url, driver, context, self._reports)
         self._inbox = Inbox(mailbox, self._control, self._clock, self._state_fields)
         if begin.instead:
@@ -187,7 +189,7 @@ class Engine:
         points = self._gate.set_points
         given = points.next_targets(now)
         if given:
-            self._health.record_applied(given)
+            self._note_applied(given)
             self._reports.post(self._driver.targets(Targets(given, rates=points.paces(given))))
         led = points.led_goals(now, still=bool(self._authority.latched))
         if led:
@@ -264,6 +266,8 @@ class Engine:
     def _execute_urgent(self) -> None:
         while self._inbox.urgent:
             message = self._inbox.urgent.popleft()
+            if isinstance(message, Stop | EmergencyStop):
+                self._journal.note(message)
             if isinstance(message, Stop):
                 self._stop_robot(message.reason, message.epoch)
             elif isinstance(message, EmergencyStop):
@@ -277,6 +281,7 @@ class Engine:
                 message.answer(self._state_fields())
 
     def _execute_message(self, message: ToWorker, now: float) -> None:
+        self._journal.note(message)
         match message:
             case Targets():
                 self._accept_targets(message, now)
@@ -309,9 +314,14 @@ class Engine:
         if not self._authority.refusal(message.epoch):
             self._health.record_requested(message.values)
         if given:
-            self._health.record_applied(given)
+            self._note_applied(given)
             fresh = Targets(given, message.epoch, message.time, rates=self._gate.set_points.paces(given))
             self._link.attempt(lambda: self._reports.post(self._driver.targets(fresh)))
+
+    def _note_applied(self, given: Mapping[Key, Any]) -> None:
+        """Record targets that the driver gets now."""
+        self._health.record_applied(given)
+        self._journal.note_applied(given)
 
     def _accept_request(self, message: Request) -> None:
         request, news = self._gate.filter_request(message, self._clock.now())
@@ -388,21 +398,26 @@ class Engine:
                 done = self._release(command.release)
             elif command.verb == SUBSCRIBE:
                 command.client.subscribed = True
-            elif command.verb == TRACE:
+            elif command.verb in (TRACE, RECORD):
                 command.client.traces = True
+                command.client.records = command.client.records or command.verb == RECORD
             elif command.verb == VALUES:
                 command.client.send_values_at(command.rate, self._clock.now())
             told = self._state_fields()
             if command.verb == RELEASE:
                 told["released"] = done
-            if command.verb == TRACE:
+            if command.verb in (TRACE, RECORD):
                 told |= self._traffic.fields(self._link.port)
+            if command.verb == RECORD:
+                told |= self._journal.fields()
             if command.verb in (STATE, HEALTH):
                 told |= self._inventory.state_fields()
             if command.verb == HEALTH:
                 told |= self._health.fields(self._clock.now(), self._inbox.heard_at, self._link.port is not None)
                 told["scheduling"] = self._processor.scheduling
             command.answer(told)
+            if command.verb == RECORD:
+                command.client.send_telemetry(self._traffic.opening())
 
     def _state_fields(self) -> dict[str, Any]:
         return {

@@ -12,6 +12,7 @@ from urbihw.buses.counter import StatisticsCounter
 from urbihw.buses.driver import Driver
 from urbihw.buses.health import HealthRecord
 from urbihw.buses.inventory import Inventory
+from urbihw.buses.journal import WorkerJournal
 from urbihw.buses.link import Port
 from urbihw.buses.mailbox import Mailbox
 from urbihw.buses.messages import FromWorker, WorkerHeartbeat
@@ -41,6 +42,7 @@ class Reports:
         health: HealthRecord,
         inventory: Inventory,
         traffic: TrafficLog,
+        journal: WorkerJournal,
         clock: BusClock,
         processor: Processor,
     ) -> None:
@@ -50,6 +52,7 @@ class Reports:
         self._health = health
         self._inventory = inventory
         self._traffic = traffic
+        self._journal = journal
         self._clock = clock
         self._kept: Iterable[FromWorker] = ()
         self._pulse_at = self._allowed_until = now
@@ -80,6 +83,7 @@ class Reports:
         self._mailbox.post(message)
         if self._control is not None:
             self._control.publish(message)
+            self._journal.note(message)
             self._traffic.hear(message)
             self._health.hear(message, self._clock.now())
         differences = self._inventory.hear(message)
@@ -91,6 +95,12 @@ class Reports:
         self.publish_traffic(link)
         if self._control is not None:
             self._control.publish_values(partial(self._health.values, link is not None))
+
+    def begin_traffic(self, port: Port) -> None:
+        """Keep the first bytes of a link that was just opened, if anybody could ask for them."""
+        if self._control is not None:
+            self._traffic.begin(port)
+            self.publish_traffic(port)
 
     def publish_traffic(self, link: Port | None) -> None:
         """Send the bytes that the link has moved to the clients that trace them."""

@@ -52,7 +52,7 @@ class RobotLink:
             self._close(str(error), isinstance(error, BadUrl) or error.errno in _MISTAKES)
             return None
         self.port = port
-        self._reports.publish_traffic(port)
+        self._reports.begin_traffic(port)
         messages: list[FromWorker] = []
         if not self.attempt(lambda: messages.extend(self._driver.attach(port))):
             return None

@@ -58,7 +58,13 @@ class TracedPacket:
 
 
 class TraceDecoder(ABC):
-    """Decodes the traffic of one wire."""
+    """Decodes the traffic of one wire.
+
+    Attributes:
+        hides: whether there may be logins on it, whose bytes are not shown and never recorded.
+    """
+
+    hides = False
 
     @abstractmethod
     def feed(self, chunk: Chunk) -> list[TracedPacket]:

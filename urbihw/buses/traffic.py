@@ -1,12 +1,16 @@
-"""The bytes on a worker's wire, collected for those who ask for them by the control socket (``trace``).
+"""The bytes on a worker's wire, collected for those who ask for them by the control socket (``trace``, ``record``).
 
 Nothing is collected as long as no client listens: a port then has no observer. What waits is bounded; more is
 dropped, the oldest first, and counted. Connections that a driver opens beside its port (`Port.twin`) are not seen.
+
+The first seconds of a link are kept for recorders that come later: without the search for the devices no recording
+could be played to a driver.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import asdict, is_dataclass
 from typing import Any, Final
 
@@ -20,6 +24,14 @@ MOST_BYTES: Final = 1 << 18
 """Their bytes."""
 
 
+OPENING_S: Final = 5.0
+"""Seconds after a link was opened whose bytes are kept."""
+MOST_OPENING_BYTES: Final = 1 << 17
+
+Row = tuple[float, str, bytes]
+"""When bytes were moved, in which direction, and which."""
+
+
 class TrafficLog:
     """Collects what one port moves, between two calls of `take`."""
 
@@ -27,9 +39,13 @@ class TrafficLog:
         self._url = url
         self._clock = clock
         self._devices: list[dict[str, Any]] = []
-        self._chunks: deque[tuple[float, str, bytes]] = deque()
+        self._chunks: deque[Row] = deque()
         self._size = 0
         self._lost = 0
+        self._wanted = False
+        self._opening: list[Row] = []
+        self._opening_size = 0
+        self._opening_until = 0.0
 
     def hear(self, message: FromWorker) -> None:
         """Note which devices were found: who decodes the bytes must know their models."""
@@ -45,28 +61,50 @@ class TrafficLog:
             "baud": 0 if port is None else port.baud,
         }
 
+    def begin(self, port: Port) -> None:
+        """Keep what a port that was just opened moves in its first seconds."""
+        self._opening, self._opening_size = [], 0
+        self._opening_until = self._clock.now() + OPENING_S
+        port.observer = self._add
+
     def observe(self, port: Port | None, wanted: bool) -> None:
-        """Collect from a port, or no longer."""
-        if port is None or (port.observer is not None) == wanted:
-            return
-        port.observer = self._add if wanted else None
-        if not wanted:
+        """Collect from a port for those who listen, or no longer."""
+        if self._wanted and not wanted:
             self._chunks.clear()
             self._size = self._lost = 0
+        self._wanted = wanted
+        needed = wanted or self._clock.now() < self._opening_until
+        if port is not None and (port.observer is not None) != needed:
+            port.observer = self._add if needed else None
 
     def take(self) -> dict[str, Any] | None:
         """Return the event with what was collected, None for nothing; the next one begins."""
         if not self._chunks:
             return None
-        rows = [[round(time, 6), direction, data.hex()] for time, direction, data in self._chunks]
-        event = {"event": "Traffic", "chunks": rows, "lost": self._lost}
+        event = _event(self._chunks, self._lost)
         self._chunks.clear()
         self._size = self._lost = 0
         return event
 
+    def opening(self) -> dict[str, Any]:
+        """Return the event with the first seconds of the link, without what the next `take` returns."""
+        fresh = {id(row) for row in self._chunks}
+        return {**_event([row for row in self._opening if id(row) not in fresh], 0), "opening": True}
+
     def _add(self, direction: str, data: bytes) -> None:
-        self._chunks.append((self._clock.now(), direction, data))
+        row = (self._clock.now(), direction, data)
+        if row[0] < self._opening_until and self._opening_size + len(data) <= MOST_OPENING_BYTES:
+            self._opening.append(row)
+            self._opening_size += len(data)
+        if not self._wanted:
+            return
+        self._chunks.append(row)
         self._size += len(data)
         while len(self._chunks) > MOST_CHUNKS or (self._size > MOST_BYTES and len(self._chunks) > 1):
             self._size -= len(self._chunks.popleft()[2])
             self._lost += 1
+
+
+def _event(rows: Iterable[Row], lost: int) -> dict[str, Any]:
+    chunks = [[round(time, 6), direction, data.hex()] for time, direction, data in rows]
+    return {"event": "Traffic", "chunks": chunks, "lost": lost}

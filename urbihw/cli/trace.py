@@ -26,7 +26,7 @@ from urbihw.buses.errors import BadFrame, BadUrl, LinkGone, Unavailable
 from urbihw.buses.link import Link, Port, Url
 from urbihw.buses.trace import Chunk, MakeDecoder, TraceDecoder, TracedPacket
 from urbihw.cli.options import CliRefused, number, whole
-from urbihw.cli.tracing import open_traffic, traffic_of
+from urbihw.cli.tracing import open_traffic, platform_of, traffic_of
 from urbihw.cli.urls import check_url
 from urbihw.exitcodes import EX_CONFIG, EX_NOINPUT, EX_OK, EX_UNAVAILABLE
 from urbihw.kernel.uobject import BadConfig
@@ -103,7 +103,7 @@ def _run(options: argparse.Namespace) -> int:
     traffic = open_traffic(options.socket) if options.socket is not None else traffic_of(where)
     if traffic is not None:
         with traffic:
-            told = _with_platform(str(traffic.path), CaptureHead(_platform_of(traffic.path), traffic.devices), wanted)
+            told = _with_platform(str(traffic.path), CaptureHead(platform_of(traffic.path), traffic.devices), wanted)
             return _show(TrafficSource(traffic.chunks(until), told, until), options)
     if not where:
         serve = as_typed("urbihw serve")
@@ -139,12 +139,6 @@ def _with_platform(source: str, head: CaptureHead, wanted: str) -> CaptureHead:
     if known and _decoder_of(wanted) is not _decoder_of(known):
         raise CliRefused(f"{source} is the traffic of a {known}, not of a {wanted}: leave --platform out", EX_CONFIG)
     return CaptureHead(known or wanted, head.devices)
-
-
-def _platform_of(path: Path) -> str:
-    """The platform of a control socket, by its name."""
-    name = path.stem.rpartition("-")[0]
-    return name if any(folder.name == name for folder in platforms.folders()) else ""
 
 
 def _guess(url: str) -> str:

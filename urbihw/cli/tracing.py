@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from urbihw import platforms
 from urbihw.buses.link import Url
 from urbihw.buses.trace import Chunk
 from urbihw.cli.options import CliRefused
@@ -137,6 +138,12 @@ def open_traffic(path: Path) -> WorkerTraffic:
         raise CliRefused(f"{path}: {error.strerror or 'no answer'}; {hint}", EX_UNAVAILABLE) from error
     except ValueError as error:
         raise CliRefused(str(error), EX_UNAVAILABLE) from error
+
+
+def platform_of(path: Path) -> str:
+    """The platform of a control socket, by its name."""
+    name = path.stem.rpartition("-")[0]
+    return name if any(folder.name == name for folder in platforms.folders()) else ""
 
 
 def traffic_of(url: str, port: int | None = None) -> WorkerTraffic | None:

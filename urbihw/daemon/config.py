@@ -109,6 +109,7 @@ class Config(SettingsTable):
         control: path of the control socket of the bus worker; empty for ``control_path()``, "off" for none.
         metrics: address and port of this machine for ``/metrics``, such as ``127.0.0.1:9100``; empty for none.
         web: serve the panel for browsers, in a process of its own.
+        flight: seconds that the flight recorder keeps in memory, in a process of its own; 0 for no flight recorder.
         panel_host: the address on which browsers are served; others than this machine get TLS.
         panel_port: the port on which browsers are served.
         panel_speed: speed of joints that a browser of role drive may ask for at most, rad/s.
@@ -142,6 +143,7 @@ class Config(SettingsTable):
     control: str = setting("", TEXT)
     metrics: str = setting("", METRICS)
     web: bool = setting(False, SWITCH)
+    flight: float = setting(0.0, number(0, 3600, " s"))
     panel_host: str = setting("127.0.0.1", TEXT)
     panel_port: int = setting(54080, whole(1, 65535))
     panel_speed: float = setting(1.0, number(0.01, 100, " rad/s"))
@@ -174,6 +176,8 @@ class Config(SettingsTable):
                           "socket out")
         if not self.panel_host.isprintable() or not self.panel_host or " " in self.panel_host:
             yield Mistake("panel_host", f"wants an address, such as 127.0.0.1 or 0.0.0.0, not {self.panel_host!r}")
+        if self.flight and self.control == "off":
+            yield Mistake("flight", "it reads the bus worker, which has no control socket; leave control out")
         if self.metrics and self.control == "off":
             yield Mistake("metrics", "they are those of the bus worker, which has no control socket; leave control out")
 

@@ -15,8 +15,8 @@ import stat
 from pathlib import Path
 from typing import Final
 
-PATTERNS: Final = ("*.sock", "urbi-*.socket")
-"""The names of control sockets, and of sockets for clients."""
+PATTERNS: Final = ("*.sock", "urbi-*.socket", "*.feed", "*.recording", "*.flight")
+"""The names of control sockets, of sockets for clients, and of those for and of recorders."""
 BOUND_SOCKETS: Final = Path("/proc/net/unix")
 """The bound UNIX sockets of the system; the last of eight fields is the path."""
 

@@ -1,4 +1,5 @@
-"""What a daemon offers to those who watch it: metrics, the panel for browsers, the announcement in the network.
+"""What a daemon offers to those who watch it: metrics, the panel for browsers, the flight recorder, the announcement in
+the network.
 
 ``bind`` comes before the robot is opened, so that a mistake ends the start; ``start`` when clients can connect.
 """
@@ -11,8 +12,10 @@ from typing import Final
 
 from urbihw.daemon.announce import Announcement, reachable
 from urbihw.daemon.config import Config
+from urbihw.daemon.flight import FAREWELL, check_flight, flight_command
+from urbihw.daemon.kept_child import KeptChild
 from urbihw.daemon.metrics import MetricsServer, parse_address
-from urbihw.daemon.panel import Panel, check_panel, panel_command
+from urbihw.daemon.panel import check_panel, panel_command
 from urbihw.extras import install_command
 from urbihw.kernel.uobject import BadConfig
 
@@ -21,13 +24,13 @@ END_TIMEOUT_S: Final = 10.0
 
 
 class Observers:
-    """The metrics, the panel and the announcement of one daemon; without these settings it does nothing."""
+    """The metrics, the children and the announcement of one daemon; without these settings it does nothing."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
         self._metrics: MetricsServer | None = None
         self._announcement: Announcement | None = None
-        self._panel: Panel | None = None
+        self._children: list[KeptChild] = []
 
     def bind(self, addresses: Sequence[str], port: int) -> None:
         """Take the address of the metrics; prepare the announcement of a port.  Raises BadConfig."""
@@ -40,6 +43,8 @@ class Observers:
                 raise BadConfig(f"metrics: {why}; choose another port") from error
         if config.web:
             check_panel(config)
+        if config.flight:
+            check_flight()
         if not config.announce:
             return
         try:
@@ -55,8 +60,14 @@ class Observers:
         """Serve the metrics of the worker at a control socket, and a panel for the server at an address or path;
         announce the port."""
         if self._config.web:
-            self._panel = Panel(panel_command(self._config, server, control))
-            self._panel.start()
+            command = panel_command(self._config, server, control)
+            self._children.append(KeptChild(command, "panel", "what its browsers move ends"))
+        if self._config.flight:
+            command = flight_command(self._config, control)
+            lost = "the last minutes are lost"
+            self._children.append(KeptChild(command, "flight recorder", lost, FAREWELL))
+        for child in self._children:
+            child.start()
         if self._metrics is not None:
             self._metrics.start(Path(control))
         if self._announcement is not None:
@@ -64,10 +75,11 @@ class Observers:
 
     def close(self) -> None:
         """Withdraw all; calling it twice is allowed."""
-        metrics, announcement, panel = self._metrics, self._announcement, self._panel
-        self._metrics = self._announcement = self._panel = None
-        if panel is not None:
-            panel.close()
+        metrics, announcement, children = self._metrics, self._announcement, self._children
+        self._metrics = self._announcement = None
+        self._children = []
+        for child in children:
+            child.close()
         if announcement is not None:
             announcement.close()
         if metrics is not None:

@@ -32,11 +32,13 @@ from urbihw.daemon.files import read_regular
 from urbihw.daemon.holders import holder_of_file, holder_of_port
 from urbihw.daemon.notify import ServiceNotifier
 from urbihw.daemon.observers import END_TIMEOUT_S, Observers
+from urbihw.daemon.record_feed import RecordFeed, shown_settings
 from urbihw.daemon.reload import Reloader, check_whole, restart_settings
 from urbihw.daemon.runtime import client_path, control_path, runtime_folder
 from urbihw.daemon.state import motions_folder, robots_folder
 from urbihw.kernel.process import KernelProcess, resolver
 from urbihw.kernel.server.bounds import bounds
+from urbihw.kernel.server.log_tap import LogTap
 from urbihw.kernel.uobject import BadConfig, DeviceError, NotReady, PlatformRobot, RobotSettings, not_ended
 from urbihw.kernel.uobject.protection import protect_robot
 from urbihw.platforms import Manifest
@@ -93,6 +95,8 @@ class DaemonService:
         self._said = LimitedLog(log)
         self._control_path = ""
         self._client_path = ""
+        self._record_feed: RecordFeed | None = None
+        self._record_log: LogTap | None = None
         self._reloader: Reloader
 
     async def run(self) -> int:
@@ -181,6 +185,7 @@ class DaemonService:
         self._protect_robot()
         kernel.complete()
         self._listen()
+        await self._feed_recorders()
 
     def _remove_dead_sockets(self) -> None:
         """Remove what killed daemons have left in the runtime folder, if this one has a socket there."""
@@ -393,6 +398,21 @@ class DaemonService:
         self._notifier.ready(self._status())
         self._reloader.begin()
 
+    async def _feed_recorders(self) -> None:
+        """Tell recorders of the robot what the bus worker does not know."""
+        server = self._process.server
+        if not self._control_path or server is None:
+            return
+        feed = self._record_feed = RecordFeed(self._control_path, shown_settings(self._config))
+        try:
+            await feed.start()
+        except OSError as error:
+            log.error("what clients do cannot be recorded: no socket beside %s: %s", self._control_path, error.strerror)
+            return
+        server.overheard = feed.overhear
+        self._record_log = LogTap(self._process.kernel.post, feed.add_log)
+        self._record_log.attach()
+
     # ---------------------------------------------------------------- serve
 
     def _status(self) -> str:
@@ -433,8 +453,12 @@ class DaemonService:
             for connection in list(process.server.connections):
                 if connection.lobby is not None:
                     connection.lobby.output.line("*** urbihw: shutting down, the robot is stopped")
+        if self._record_log is not None:
+            self._record_log.detach()
         await process.close()
         self._said.close()
+        if self._record_feed is not None:
+            self._record_feed.close()
         process.extend_deadline(END_TIMEOUT_S)
         self._observers.close()
         if self._view is not None:

@@ -57,6 +57,11 @@ def motions_folder(environment: Mapping[str, str] = os.environ) -> Path:
     return _base_folder(environment) / "motions"
 
 
+def recordings_folder(environment: Mapping[str, str] = os.environ) -> Path:
+    """The folder of the recordings of all robots, with a folder for each platform; it may not exist yet."""
+    return _base_folder(environment) / "recordings"
+
+
 def _base_folder(environment: Mapping[str, str]) -> Path:
     if environment.get("STATE_DIRECTORY"):
         return Path(environment["STATE_DIRECTORY"].split(":")[0])

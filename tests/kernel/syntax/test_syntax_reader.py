@@ -12,7 +12,7 @@ from syntax_reading import EXAMPLES, in_pieces, told, typed
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax import reader as reader_module
 from urbihw.kernel.syntax.lexer import Lexer
-from urbihw.kernel.syntax.location import Position
+from urbihw.kernel.syntax.location import Position, Span
 from urbihw.kernel.syntax.reader import Item, Statement, StatementCache, StatementReader, SyntaxProblem, parse_program
 from urbihw.kernel.syntax.tokens import KEYWORDS, SIGNS
 
@@ -206,7 +206,12 @@ def test_deep_nesting_that_is_wrong_is_an_error() -> None:
 def test_a_cause_is_looked_for_in_a_few_of_many_errors(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each look reads the statement again: for all errors of a statement that took a minute."""
     looked: list[str] = []
-    monkeypatch.setattr(reader_module, "advice", lambda message, text, span: looked.append(message) or "")
+
+    def advice(message: str, text: str, span: Span) -> str:
+        looked.append(message)
+        return ""
+
+    monkeypatch.setattr(reader_module, "advice", advice)
     typed("#" * 1000 + ";")
     assert 0 < len(looked) < 20
 

@@ -161,6 +161,8 @@ class LobbyConnection(asyncio.Protocol):
                 return
             data = accepted
         if self.lobby is not None:
+            if self._server.overheard is not None:
+                self._server.overheard(self, ">", data)
             self._feed(self.lobby, data)
             self._server.driver.drive()
             if self.lobby.shell.waiting > MAX_PENDING_INPUT:
@@ -260,6 +262,8 @@ class LobbyConnection(asyncio.Protocol):
         output = self.lobby.output
         data = output.take_bytes()
         if data:
+            if self._server.overheard is not None:
+                self._server.overheard(self, "<", data)
             self._transport.write(data)
         output.update_unread()
 

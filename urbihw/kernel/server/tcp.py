@@ -62,6 +62,7 @@ class Server:
         unauthenticated: the sockets of TLS clients that have not authenticated yet.
         paused: the connections whose reading pauses because of much pending input.
         limited_log: the log for events that clients can repeat.
+        overheard: called with a connection, ">" or "<", and what its accepted client sent or gets; None: not called.
     """
 
     def __init__(
@@ -75,6 +76,7 @@ class Server:
         self.unauthenticated: set[socket.socket] = set()
         self.paused: dict[LobbyConnection, None] = {}
         self.limited_log = LimitedLog(log)
+        self.overheard: Callable[[LobbyConnection, str, bytes], None] | None = None
         self._dirty: dict[LobbyConnection, None] = {}
         self._acceptors: list[Acceptor] = []
         self._arriving: set[asyncio.Task[bool]] = set()

@@ -1,0 +1,59 @@
+"""Measured values as a table: CSV with a column for each value of each device, a row for each time; no I/O."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Collection, Iterator
+from typing import TYPE_CHECKING, Final
+
+from urbihw.recording import topics
+from urbihw.recording.reading import RecordedMessage, Recording, UnreadableRecording
+
+if TYPE_CHECKING:
+    from _typeshed import SupportsWrite
+
+MOST_COLUMNS: Final = 10_000
+
+
+def write_csv(recording: Recording, wanted: Collection[str], stream: SupportsWrite[str], *, raw: bool) -> int:
+    """Write the values of a recording, in SI units or (``raw``) as the counts of each tick; return the rows.
+
+    ``wanted`` are columns such as ``6.position``, or devices; none for all. An empty cell was not measured at that
+    time. The file is read twice: the first time for its columns. Raises UnreadableRecording.
+    """
+    topic = topics.SAMPLES if raw else topics.VALUES
+    columns: dict[str, None] = {}
+    for _, row in _rows(recording, topic):
+        columns |= dict.fromkeys(row)
+        if len(columns) > MOST_COLUMNS:
+            raise UnreadableRecording(f"{recording.path}: has more than {MOST_COLUMNS} values")
+    chosen = [name for name in columns if not wanted or name in wanted or name.partition(".")[0] in wanted]
+    missing = [name for name in wanted if not any(name in (each, each.partition(".")[0]) for each in columns)]
+    if missing:
+        known = ", ".join(columns) or "none"
+        raise UnreadableRecording(f"{recording.path}: has no values of {missing[0]}; it has: {known}")
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(["time", *chosen])
+    count = 0
+    for message, row in _rows(recording, topic):
+        if any(name in row for name in chosen):
+            writer.writerow([f"{message.time:.6f}", *(_cell(row.get(name, "")) for name in chosen)])
+            count += 1
+    return count
+
+
+def _rows(recording: Recording, topic: str) -> Iterator[tuple[RecordedMessage, dict[str, object]]]:
+    for message in recording.messages((topic,)):
+        try:
+            values = message.content()["values"]
+            row = {f"{device}.{item}": value for device, items in values.items() for item, value in items.items()}
+        except (KeyError, ValueError, AttributeError):
+            continue
+        yield message, row
+
+
+def _cell(value: object) -> object:
+    """A value as a cell: a text that a spreadsheet would take for a formula is quoted."""
+    if isinstance(value, str) and value[:1] in ("=", "+", "-", "@"):
+        return f"'{value}"
+    return "" if value is None else value
