@@ -5,5 +5,5 @@ execution and its state), ``ready_queue`` and ``accounts`` (the order of the rea
 client may have), ``scheduler`` (runs them), ``hooks`` (callbacks to the layer above), ``waiting`` (how a job waits),
 ``group`` (a scope and the jobs it waits for), ``tag`` (stop, freeze, block), ``signals`` (exceptions thrown into jobs),
 ``breaker`` (interrupts a job that does not yield), ``collector`` (Python's garbage collector), ``errors``, ``trace``
-(hooks for an observer).  Only ``coro`` depends on greenlets.  May import no other package of urbihw.
-"""
+(hooks for an observer), ``arrivals`` (when the input of a connection was ordered).  Only ``coro`` depends on greenlets.
+May import no other package of urbihw."""

@@ -16,7 +16,8 @@
 urbiscript object and calls ``init(3)``.  The same class also runs in a process of its own (``urbihw.remote``).  Reading
 order: ``uvar`` (a variable with an owner, on ``hooked``, a slot with a device behind it), ``declarations`` and
 ``uobject`` (the base class), ``values`` (checks of written values), ``functions`` and ``threads`` (its methods),
-``part`` (devices of several parts), ``motion`` (who may move a robot), ``effector`` (the variables that move it),
+``part`` (devices of several parts), ``motion`` (who may move a robot) and
+``arming`` (what may after a release), ``effector`` (the variables that move it),
 ``host`` (the kernel as a platform sees it), ``robot`` (a platform as the daemon sees it), ``natives`` (the urbiscript
 side).  Devices of other processes are in ``uremote``.
 
