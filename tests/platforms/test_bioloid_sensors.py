@@ -105,7 +105,9 @@ def test_the_tree_says_of_each_part_of_a_sensor_module_where_it_looks() -> None:
     while todo:
         node = todo.pop()
         todo += node["parts"]
-        said.update({node["global"]: slot["meaning"] for slot in node.get("slots", ()) if slot["name"] == "val"})
+        for slot in node.get("slots", ()):
+            if slot["name"] == "val":
+                said[node["global"]] = slot["meaning"]
     for name, what in (("infrared", "reflected infrared light"), ("light", "brightness")):
         for side, word in (("L", "left"), ("C", "center"), ("R", "right")):
             assert said[name + side] == f"{what}, {word}, 0 to 255"
