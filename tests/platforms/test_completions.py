@@ -29,6 +29,6 @@ def test_devices_come_before_internals_and_what_moves_before_what_tells() -> Non
 
 def test_functions_of_devices_tell_their_arguments() -> None:
     lab = Lab.ready()
-    assert lab.look('System.signature(motor6, "readRegister")') == '"(name)"'
-    assert lab.look('System.signature(bioloid, "releaseOf")') == '"(name)"'
-    assert lab.look('System.signature(motor6, "val")') == '""'
+    assert lab.look('System.signatureOf(motor6, "readRegister")') == '"(name)"'
+    assert lab.look('System.signatureOf(bioloid, "releaseOf")') == '"(name)"'
+    assert lab.look('System.signatureOf(motor6, "val")') == '""'

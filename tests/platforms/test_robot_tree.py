@@ -121,7 +121,7 @@ JOINTS = {
 
 
 def test_joints_are_told_in_one_order(told: Told) -> None:
-    names = json.loads(told.lab.look("System.joints(robot)"))
+    names = json.loads(told.lab.look("System.jointNames(robot)"))
     assert names == JOINTS.get(told.name, names)
     parts = {part["path"]: part for part in nodes(told.tree["robot"])}
     assert [parts[path]["global"] or path for path in told.tree["joints"]] == names
@@ -131,7 +131,7 @@ def test_joints_are_told_in_one_order(told: Told) -> None:
 
 def test_joints_are_in_the_order_of_the_settings() -> None:
     lab = ChainLab.ready(devices={"knee": {"id": 4}, "hip": {"id": 2}})
-    assert lab.look("System.joints(robot)") == '["knee", "hip", "motor1", "motor3", "motor5"]'
+    assert lab.look("System.jointNames(robot)") == '["knee", "hip", "motor1", "motor3", "motor5"]'
 
 
 def test_an_overview_has_what_moves_and_what_measures_in_few_words(told: Told) -> None:
@@ -141,7 +141,7 @@ def test_an_overview_has_what_moves_and_what_measures_in_few_words(told: Told) -
     slots_ = [row["slot"] for row in overview["effectors"] + overview["sensors"]]
     assert len(set(slots_)) == len(slots_)
     joints = [row["slot"] for row in overview["effectors"] if row["role"] == "joint"]
-    assert joints == [f"{name}.val" for name in json.loads(told.lab.look("System.joints(robot)"))]
+    assert joints == [f"{name}.val" for name in json.loads(told.lab.look("System.jointNames(robot)"))]
     for slot in slots_:
         assert "error" not in told.lab.look(f'lobby.answerSlot("c", "{slot}")'), slot
 

@@ -259,7 +259,7 @@ class AsyncRobot(AsyncSlot):
         await self._connection.ask(lambda dialect, channel: dialect.estop(channel), limit, keep=True)
 
     async def joints(self) -> list[str]:
-        names: list[str] = await self._evaluated("System.joints(robot)")
+        names: list[str] = await self._evaluated("System.jointNames(robot)")
         return names
 
     async def write(self, values: Mapping[str, Any], timeout: float | None = None) -> dict[str, Written]:

@@ -97,7 +97,7 @@ class Robot(UrbiObject):
     def joints(self) -> list[str]:
         """The names of the joints, such as ``motor6`` or ``shoulder_pan``, in an order that stays the same: that of the
         settings, else that which the robot has for them.  ``robot[f"{name}.val"]`` is one."""
-        names: list[str] = evaluated(self._connection, "System.joints(robot)")
+        names: list[str] = evaluated(self._connection, "System.jointNames(robot)")
         return names
 
     def write(self, values: Mapping[str, Any], timeout: float | None = None) -> dict[str, Written]:

@@ -1,4 +1,4 @@
-"""System.joints and System.overviewText: what moves and what measures, for programs.  Not in the manual.
+"""System.jointNames and System.overviewText: what moves and what measures, for programs.  Not in the manual.
 
 ``System.tree`` tells everything, which is 80 kB for an arm; a program that moves joints and reads sensors needs the
 names of their slots, in an order that stays the same.
@@ -144,8 +144,8 @@ def _text(world: World, robot: Obj, name: str) -> str:
     return content.s if isinstance(content, String) else ""
 
 
-@TABLE.primitive("joints")
-def joints(world: World, this: Value, robot: Obj) -> Value:
+@TABLE.primitive("jointNames")
+def joint_names(world: World, this: Value, robot: Obj) -> Value:
     """The names of the joints of a robot, such as ``motor6``, as a List of Strings.  Their order stays the same: that
     of the settings, else that which the robot has for them."""
     return world.new_list([world.string(each.name) for each in joints_of(world, robot)])

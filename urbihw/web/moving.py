@@ -198,11 +198,11 @@ async def lease(session: WebSession, request: Request) -> dict[str, Any]:
     life."""
     if truth_of(request, "take"):
         if request.get("seconds") is not None:
-            await session.set_lease(number_of(request, "seconds", 0, MAX_LEASE_S))
+            await session.lease.set_length(number_of(request, "seconds", 0, MAX_LEASE_S))
         session.gateway.take_lease(session, over=True)
     else:
         session.gateway.end_lease(session)
-        await session.set_lease(0.0)
+        await session.lease.set_length(0.0)
     return {}
 
 

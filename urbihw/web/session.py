@@ -22,12 +22,12 @@ from typing import TYPE_CHECKING, Any, Final
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from urbihw.backoff import BackOff
-from urbihw.client.core import KEEP_ALIVE
 from urbihw.client.driving import PROGRAM as DRIVE_PROGRAM
 from urbihw.client.lines import Line
 from urbihw.client.literals import string_literal
 from urbihw.client.values import value_of
 from urbihw.web.asked import WebRefusal
+from urbihw.web.browser_lease import BrowserLease
 from urbihw.web.lobby import LobbyError, LobbyLink, utf8
 from urbihw.web.outbox import KEPT, WebOutbox
 from urbihw.web.pairing import Browser
@@ -103,6 +103,7 @@ class WebSession:
         outbox: what it gets.
         subs: its subscriptions by number.
         name: its name for the log and for ``driver``.
+        lease: how long it may say nothing while it moves the robot.
     """
 
     def __init__(self, gateway: Gateway, browser: Browser, socket: web.WebSocketResponse) -> None:
@@ -119,10 +120,9 @@ class WebSession:
         """Tasks that serve the browser, by name: each ends with it."""
         self._socket = socket
         self._link: LobbyLink | None = None
-        self._lease = 0.0
-        """Seconds without a message of the browser after which the daemon stops what it moves; 0 for none."""
         self._connected = asyncio.Event()
         self._console: LobbyLink | None = None
+        self.lease = BrowserLease(self._links)
         self._opening = asyncio.Lock()
         self._next_sub = 1
         self._pending: set[asyncio.Task[None]] = set()
@@ -176,7 +176,7 @@ class WebSession:
         async for message in self._socket:
             if message.type != WSMsgType.TEXT:
                 continue
-            self._pass_on_life()
+            self.lease.pass_on_life()
             is_too_fast = self._is_too_fast()
             try:
                 request = parse_request(message.data)
@@ -205,25 +205,6 @@ class WebSession:
         task = asyncio.create_task(self._serve(number, request))
         pending.add(task)
         task.add_done_callback(pending.discard)
-
-    async def set_lease(self, seconds: float) -> None:
-        """Let the daemon stop what this browser moves after so many seconds without a message of it; 0: never.  Raises
-        LobbyError."""
-        before, self._lease = self._lease, seconds
-        try:
-            for link in self._links():
-                await link.ask(_lease_text(seconds))
-        except LobbyError:
-            self._lease = before
-            raise
-
-    def _pass_on_life(self) -> None:
-        """The browser has sent something: tell the daemon, which watches its lease.  The gateway itself lives longer
-        than the browser, so it says nothing on its own."""
-        if self._lease:
-            for link in self._links():
-                with contextlib.suppress(LobbyError):
-                    link.send(KEEP_ALIVE)
 
     def _links(self) -> list[LobbyLink]:
         """The connections by which this browser moves the robot."""
@@ -325,8 +306,7 @@ class WebSession:
         settings = self.gateway.settings
         link = await LobbyLink.open(settings.where, settings.credentials, heard, closed)
         link.send(f"lobby.introduce({string_literal(self.title)})|;\n")
-        if self._lease:
-            link.send(f"{_lease_text(self._lease)}|;\n")
+        self.lease.begin(link)
         return link
 
     async def _keep_connected(self) -> None:
@@ -442,10 +422,6 @@ class WebSession:
         self.outbox.put(
             {"event": "output", "channel": line.channel, "stamp": line.stamp, "kind": kind, "text": text}
         )
-
-
-def _lease_text(seconds: float) -> str:
-    return f"lobby.lease = {seconds!r}"
 
 
 def _end(ended: asyncio.Event, reason: str) -> None:

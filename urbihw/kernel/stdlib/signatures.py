@@ -1,4 +1,4 @@
-"""System.signature: the formal arguments of functions, for consoles and the reference.  Not in the manual."""
+"""System.signatureOf: the formal arguments of functions, for consoles and the reference.  Not in the manual."""
 
 from __future__ import annotations
 
@@ -67,8 +67,8 @@ def _formal_text(one: Any) -> str:
     return one.name if one.default is None else f"[{one.name}]"
 
 
-@TABLE.primitive("signature")
-def signature(world: World, this: Value, holder: Value, name: str) -> str:
+@TABLE.primitive("signatureOf")
+def signature_of(world: World, this: Value, holder: Value, name: str) -> str:
     """The formal arguments of the function in a slot, such as ``(name, raw)``; "" if there are none, or no function."""
     obj = world.peek_obj(holder).find(name)
     return "" if obj is None else arguments(obj.slots[name])
