@@ -82,6 +82,20 @@ def test_a_stop_of_somebody_else_holds_although_a_release_is_on_its_way(late: La
     assert lab.look("bioloid.estopHolders") == '["Bob"]'
 
 
+def test_a_release_that_the_worker_has_dropped_did_not_happen(late: Late) -> None:
+    """Somebody presses right behind it: the worker reads both at once, and the stop is newer."""
+    lab = late.lab
+    lab.say("bioloid.estop = true;", 0.1)
+    late.deliver()
+    assert lab.worker is not None
+    lab.say("bioloid.estop = false;")
+    lab.worker.send(m.EmergencyStop("Bob", "bob"))
+    lab.run(0.1)
+    late.deliver()
+    holders = lab.look("bioloid.estopHolders")
+    assert "Bob" in holders and "Lobby_1" in holders
+
+
 def told(order: int, *holders: str, who: str = "", freed: tuple[str, ...] = ()) -> m.Latched:
     return m.Latched(" and ".join(holders), who, tuple((each.lower(), each) for each in holders), freed, order)
 
