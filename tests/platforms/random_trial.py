@@ -46,12 +46,11 @@ NOTICED = 1.2
 
 @dataclass
 class Grip:
-    """A hand at a joint: it turns it by ``way`` rad in each tick, for ``ticks``; ``since`` when."""
+    """A hand at a joint: it turns it by ``way`` rad in each tick, for ``ticks``."""
 
     hand: Hand
     way: float
     ticks: int
-    since: float
 
     def turn(self, lab: Any) -> None:
         """One tick."""
@@ -92,9 +91,7 @@ class Trial(Scene):
         self.free_since = dict.fromkeys(self.parts, -START)
         self.stays: dict[int, float] = {}
         self.excused: dict[int, float] = {}
-        self.pushed_at: dict[int, float] = {}
         self.unnoticed: list[tuple[float, Push]] = []
-        self.sick_at = -INF
         self.before = dict.fromkeys(self.parts, INF)
         self.came_at = dict.fromkeys(self.parts, 0.0)
         self.count = self.quiet_ticks = 0
@@ -144,8 +141,6 @@ class Trial(Scene):
     def check(self, now: float, speeds: tuple[float, ...], place: tuple[float, ...]) -> None:
         """The property."""
         sick = self.sick > 0 or any(self.plant.device(self.lab).faults)
-        if sick:
-            self.sick_at = now
         for what, healed in self.faulty.items():
             self.faulty[what] = now if sick else healed
             self.holds(sick or now < healed + BACK, f"{what} works again, but is not back")
@@ -215,7 +210,7 @@ class Trial(Scene):
         place = self.motion.look(self.lab)[1][part]
         hand.hold(self.lab, True)
         ticks = round(seconds / TICK)
-        self.grips[part] = Grip(hand, math.copysign(way / ticks, hand.middle - place), ticks if way else 0, self.now())
+        self.grips[part] = Grip(hand, math.copysign(way / ticks, hand.middle - place), ticks if way else 0)
 
     def let_go(self, device: Any) -> None:
         """The hand is taken away."""
@@ -229,15 +224,13 @@ class Trial(Scene):
         if self.model.latched:
             self.stays[part] = self.motion.look(self.lab)[1][part]
         else:
-            # What cannot be read or written cannot be led either, and the goals of another master are not known.
-            blind = max(self.sick_at, self.pushed_at.get(part, -INF)) >= grip.since
-            self.model.let_go(part, INF if blind else grip.hand.springs, now)
+            # Also when it could not be read or written meanwhile: then its own register bounds how fast it comes back.
+            self.model.let_go(part, grip.hand.springs, now)
 
     def pushed(self, push: Push) -> None:
         """Another master moves the robot: while an emergency stop holds, that is noticed."""
         for part in push.parts:
             self.unbind(part, self.now())
-            self.pushed_at[part] = self.now() + (push.lasts if push.lasts < INF else 0.0)
         if self.model.latched:
             self.excused |= dict.fromkeys(push.parts, self.now() + NOTICED)
             self.unnoticed.append((self.now() + NOTICED, push))

@@ -247,6 +247,16 @@ def test_homing_finds_the_switch_and_says_so(lab: Lab) -> None:
     assert lab.number("drive5.val") == pytest.approx(-1.0, abs=0.01)
 
 
+def test_homing_is_not_ended_by_a_ramp_that_was_under_way() -> None:
+    lab = Lab.ready(limits={"acceleration": 0.5})
+    lab.say('drive5.load = 1; at (drive5.homed?) echo("home");', 0.5)
+    lab.say("drive5.speed = 6;", 0.5)
+    lab.say("drive5.home(18);", 1.0)
+    assert lab.say("drive5.mode;") == '"homing"'
+    lab.run(8.0)
+    assert lab.heard() == "*** home"
+
+
 @pytest.mark.parametrize("ended_by", ["cia402.stop;", "drive5.quickStop;", "drive5.speed = 0;", "drive5.load = 0;"])
 def test_homing_ends_with_a_stop(lab: Lab, ended_by: str) -> None:
     lab.say('at (cia402.refused?(var d, var slot, var why)) echo(slot); at (drive5.homed?) echo("found");')

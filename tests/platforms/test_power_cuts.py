@@ -56,7 +56,11 @@ def test_a_goal_that_is_written_at_the_end_of_a_power_cut_waits_for_the_register
     lab.step()
     lab.step()
     lab.kit.power_on(lab.bus_clock.now())
+    before = lab.place(1)
     lab.say("motor1.val = 1|;")
+    for _ in range(3):
+        lab.step()
+        assert abs(lab.place(1) - before) < 0.01
     most = lab.fastest(0.5)[1]
     assert most <= MARGIN + GRAIN
     lab.say("motor1.val = 1|;", 1.5)

@@ -219,6 +219,10 @@ class DrivesDriver(Driver):
         """True for power on, homing, and writes of objects, which bypass the targets."""
         return request.verb in ("enable", "home", "write")
 
+    def displaced(self, request: Request) -> tuple[Any, ...]:
+        """Homing decides how the drive turns: a ramp that was under way to a speed would end it."""
+        return (request.device,) if request.verb == "home" else ()
+
     def limits_changed(self, limits: Mapping[tuple[Any, str], Limit]) -> None:
         """Before the next target, bound the speed with which the drives go to positions by themselves."""
         self._limits = limits
