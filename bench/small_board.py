@@ -26,6 +26,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from bench import ROOT
 from bench.dynamixel_cycle import FLAT_OUT, fake, rate_of, sdk, worker_numbers
 from bench.kernel_server import OURS, ask, pipeline, served
 from bench.quick import add_quick
@@ -120,10 +121,11 @@ def bus(protocol: int, share: float, seconds: float, paced: bool) -> Figures:
             with part_of_a_core(share) as add:
                 rate, used = worker_numbers(kit, protocol, asked, seconds, begun=add)
             told[f"{name}worker, asked for {wanted}"] = f"{rate:.1f} Hz"
-            told[f"{name}its processor time for a cycle"] = f"{used / rate * 1e3:.2f} ms" if rate else "-"
+            if asked == FLAT_OUT and rate:
+                told[f"{name}its processor time for a cycle"] = f"{used / rate * 1e3:.2f} ms"
         with part_of_a_core(share) as add:
             command = (sys.executable, "-c", SDK, kit.path, str(protocol), str(seconds))
-            with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+            with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
                 add(process.pid)
                 said = process.stdout.read() if process.stdout else ""
         told[f"{name}loop of dynamixel-sdk"] = f"{float(said or 0):.1f} Hz"
@@ -189,7 +191,7 @@ def main() -> None:
     for part in parts:
         whole, small = part(1.0), part(options.share)
         for what, figure in whole.items():
-            lines.append(ROW.format(what, figure, small[what]))
+            lines.append(ROW.format(what, figure, small.get(what, "-")))
             print(lines[-1], flush=True)
     with_what = f"Python {platform.python_version()}, {machine()}, load {load:.2f} before"
     print(with_what)
