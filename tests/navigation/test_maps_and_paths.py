@@ -59,6 +59,12 @@ def test_a_map_of_aria(tmp_path: Path) -> None:
     assert found.home is not None and list(found.home) == pytest.approx([1.0, 2.0, math.pi / 2])
     assert list(found.goals["Kitchen"]) == pytest.approx([3.0, 0.5, -math.pi / 2])
     assert (2.0, 0.0, 2.0, 1.0) in found.lines
+    # A laser sees through what is forbidden: it tells no place, and scans do not free it.
+    assert (2.0, 0.0, 2.0, 1.0) in found.forbidden and len(found.forbidden) == 5
+    grid, seen = Grid.of(found, 0.1), Grid.seen(found, 0.05)
+    assert grid.distance(2.0, 0.5) == 0 and seen.distance(2.0, 0.5) > 0.4
+    column, row = grid.column_row(2.0, 0.5)
+    assert grid.fixed[row * grid.width + column] and sum(grid.fixed) < sum(grid.blocked) / 2
     grid = Grid.of(found, 0.1)
     assert grid.distance(1.5, 1.5) == 0
     # The area's corners are given in a frame that is turned by 90 degrees.
@@ -107,6 +113,7 @@ def test_a_map_of_map_server(tmp_path: Path) -> None:
     assert found.home == (0.25, 0.25, 1.0)
     assert found.fine == 0.5
     # The first row of a picture is the top; grey is unknown, and no path leads there.
+    assert found.unknown == ((0.0, 0.0, 0.5, 0.5),)
     assert set(found.boxes) == {(-1.0, 0.5, -0.5, 1.0), (0.0, 0.0, 0.5, 0.5), (0.5, -0.5, 1.0, 0.0)}
 
 

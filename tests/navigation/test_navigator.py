@@ -279,3 +279,16 @@ def test_a_door_that_is_closed_for_a_while_is_waited_for(
         farthest = max(farthest, garage.cart.pose[1])
     assert said == ["*** path 1"]
     assert (farthest < 1) is (comes_by == "the door")
+
+
+def test_a_scan_between_two_readings_of_the_wheels_was_taken_on_the_way_between(garage: Garage) -> None:
+    odometry = garage.cart.odometry
+    for number in range(4):
+        odometry.show_pose(0.1 * number, 0.0, 0.2 * number, 0.1, 0.2, 100.0 + number)
+    assert odometry.absolute_at(102.5) == pytest.approx((0.25, 0.0, 0.5))
+    # After the last one the speeds last for a while, and before the first one nothing is known.
+    assert odometry.absolute_at(103.2) == pytest.approx((0.32, 0.0, 0.64))
+    assert odometry.absolute_at(110.0)[0] < 0.35
+    odometry.correct((5.0, 1.0, 0.5), 102.5)
+    assert odometry.absolute_at(102.5) == pytest.approx((5.0, 1.0, 0.5))
+    assert odometry.absolute == pytest.approx((5.05, 1.0, 0.6))

@@ -19,6 +19,8 @@ SLIP, SLIP_ASIDE, SLIP_TURN = 0.1, 0.05, 0.1
 """Error of the wheels per m ahead, m aside and rad; and per rad of a turn, rad."""
 DRIFT, DRIFT_TURN = 0.004, 0.004
 """m and rad beside that, from scan to scan."""
+MOVED = 1e-3
+"""m or rad from which the base has moved."""
 LEAST, LEAST_TURN = 0.006, 0.006
 """m and rad below which no pose counts as known, as the readings of a scan err together."""
 
@@ -55,18 +57,22 @@ class Symmetric(NamedTuple):
 
 
 class Belief:
-    """The covariance of the pose, in the frame of the map."""
+    """The covariance of the pose, in the frame of the map.
+
+    Attributes:
+        has_moved: the wheels have turned since the scan before.
+    """
 
     def __init__(self) -> None:
         self._spread = Symmetric(PLACED**2, PLACED**2, PLACED_TURN**2)
         self._last: Pose | None = None
+        self.has_moved = False
 
     def move(self, pose: Pose) -> None:
         """The wheels say that the base has moved to a pose since ``measure``."""
-        last, self._last = self._last, pose
-        if last is None:
-            return
+        last, self._last = self._last or pose, pose
         dx, dy, turn = pose[0] - last[0], pose[1] - last[1], abs(wrapped(pose[2] - last[2]))
+        self.has_moved = math.hypot(dx, dy) > MOVED or turn > MOVED
         xx, yy, tt, xy, xt, yt = self._spread
         # An error of the heading is one of the place after a way.
         moved = Symmetric(

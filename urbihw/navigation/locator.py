@@ -28,7 +28,10 @@ from urbihw.navigation.localize import Match, match_scan, search_near, track_sca
 MAX_MISFITS: Final = 5
 """Consecutive scans that speak against the pose after which another one is looked for."""
 DUMB_SCAN: Final = 0.2
-"""What a scan counts for of which the map explains nothing, and that does not speak against the pose."""
+"""What a scan of a moving base counts for of which the map explains little, and that does not speak against the pose;
+while the base stands it counts nothing: it knows where it came to stand."""
+PRECISE: Final = 0.06
+"""m of the belief's spread up to which the pose is good enough to tell walls that are gone."""
 LEAD: Final = 0.1
 """What another pose must have in ``Match.merit`` before the one that was believed."""
 MAX_ROUNDS: Final = 3
@@ -121,6 +124,11 @@ class Locator:
         self._slip = _Slip()
 
     @property
+    def is_precise(self) -> bool:
+        """Whether the last scan agreed with the map, and the pose is known to some centimetres in all directions."""
+        return self.found and self.is_sure and self._belief.spread <= PRECISE
+
+    @property
     def is_searching(self) -> bool:
         """Whether the pose is being searched on the whole map."""
         return self._searching
@@ -180,7 +188,10 @@ class Locator:
         match, information = track_scan(walls, guess, belief.information(), belief.spread, echoes, place)
         self.score, self.is_sure = match.score, match.is_there
         if not match.is_there:
-            self._doubt += 1 if match.contradicts else DUMB_SCAN
+            if match.contradicts:
+                self._doubt += 1
+            elif belief.has_moved:
+                self._doubt += DUMB_SCAN
             if self._doubt >= MAX_MISFITS:
                 self._reconsider(walls, match, echoes, place, stamp)
             return
@@ -212,6 +223,8 @@ class Locator:
 
     def _compared(self, match: Match, *, better: bool) -> None:
         """The whole map has been searched for a place that explains the scan better."""
+        if self._doubt < MAX_MISFITS:
+            return
         if better:
             self._lose(_differs(match))
         else:

@@ -255,7 +255,7 @@ class Navigator(UObject):
         if self.ready.sensed and self._seen is not None:
             at = compose(self._base.odometry.absolute_at(scanner.stamp), (scanner.place, 0.0, 0.0))
             self._seen.add_scan(at, echoes, self.host.now())
-            if self._locator.is_sure:
+            if self._locator.is_precise:
                 self._seen.pass_walls(at, echoes)
                 self._drop_what_is_gone(self._seen)
             self._keep_way_free()
