@@ -391,8 +391,9 @@ class Engine:
             elif command.verb == SUBSCRIBE:
                 command.client.subscribed = True
             elif command.verb in (TRACE, RECORD):
-                command.client.traces = True
-                command.client.records = command.client.records or command.verb == RECORD
+                records = command.verb == RECORD
+                command.client.records = command.client.records or records
+                command.client.traces = command.client.traces or not (records and self._driver.logs_in)
             elif command.verb == VALUES:
                 command.client.send_values_at(command.rate, self._clock.now())
             told = self._state_fields()
@@ -401,7 +402,7 @@ class Engine:
             if command.verb in (TRACE, RECORD):
                 told |= self._traffic.fields(self._link.port)
             if command.verb == RECORD:
-                told |= self._journal.fields()
+                told |= self._journal.fields() | {"wire": not self._driver.logs_in}
             if command.verb in (STATE, HEALTH):
                 told |= self._inventory.state_fields()
             if command.verb == HEALTH:
