@@ -403,14 +403,13 @@ class Engine:
                 told |= self._traffic.fields(self._link.port)
             if command.verb == RECORD:
                 told |= self._journal.fields() | {"wire": not self._driver.logs_in}
+                command.client.backlog = self._traffic.opening()
             if command.verb in (STATE, HEALTH):
                 told |= self._inventory.state_fields()
             if command.verb == HEALTH:
                 told |= self._health.fields(self._clock.now(), self._inbox.heard_at, self._link.port is not None)
                 told["scheduling"] = self._processor.scheduling
             command.answer(told)
-            if command.verb == RECORD:
-                command.client.send_telemetry(self._traffic.opening())
 
     def _state_fields(self) -> dict[str, Any]:
         return {

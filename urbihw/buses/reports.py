@@ -106,6 +106,7 @@ class Reports:
         """Send the bytes that the link has moved to the clients that trace them."""
         if self._control is not None:
             self._traffic.observe(link, self._control.is_traced)
+            self._control.publish_backlogs()
             event = self._traffic.take()
             if event is not None:
                 self._control.publish_traffic(event)

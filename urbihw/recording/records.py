@@ -104,6 +104,7 @@ class RecordMaker:
         self._last = float(answer["time"])
         about = {name: answer[name] for name in ("url", "baud", "devices", "settings", "wire") if name in answer}
         state = {"event": "Worker", "up": bool(answer["link"]), "estop": answer["estop"], "epoch": answer["epoch"]}
+        self._beginning.pop("opening", None)
         found = self._beginning["worker"] = [json_record(topics.WIRE_STATE, self._last, state | about)]
         return found
 
@@ -129,5 +130,5 @@ class RecordMaker:
             for time, way, data in event["chunks"]
         ]
         if event.get("opening"):
-            self._beginning["opening"] = found
+            self._beginning.setdefault("opening", []).extend(found)
         return found
