@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -10,7 +11,9 @@ from urbihw.buses import messages as m
 from urbihw.buses.control import REST_S
 from urbihw.buses.control_client import MAX_QUEUED_LINES
 from urbihw.buses.events import message_event
+from urbihw.buses.servos.driver import ServoDriver
 
+from .conftest import Rig
 from .test_control import ControlBench, bench
 
 __all__ = ["bench"]
@@ -131,3 +134,24 @@ def test_whatever_a_message_contains_the_worker_goes_on(bench: ControlBench) -> 
     assert len(events(said, "Reply")) == len(odd) and len(events(said, "DeviceReport")) == 2 * len(odd)
     assert events(said, "Reply")[0]["value"] == [[1, "a", "3 bytes"]]
     assert events(said, "Samples")[0]["values"] == {"6": {"odd": {"(1, 'a')": "3 bytes"}}}
+
+
+def test_the_wire_of_a_robot_with_a_login_is_neither_kept_nor_recorded(rig: Rig, tmp_path: Path) -> None:
+    class DriverWithLogin(ServoDriver):
+        logs_in = True
+
+    made = ControlBench(rig, tmp_path / "robot.sock")
+    made.engine._driver.__class__ = DriverWithLogin
+    made.run(0.5)
+    caller = made.call()
+    caller.say("record")
+    made.tell(m.Watch(6, ("present_position",)))
+    made.run(0.1)
+    said = caller.hear()
+    assert said[0]["wire"] is False and events(said, "Samples")
+    assert not [each for each in events(said, "Traffic") if each["chunks"]] and not made.engine._traffic._opening
+    tracer = made.call()
+    tracer.say("trace")  # who asks for it still sees it
+    made.run(0.1)
+    assert events(tracer.hear(), "Traffic")
+    made.end()

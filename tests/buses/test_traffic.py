@@ -11,7 +11,15 @@ from urbihw.buses.clock import BusSimClock
 from urbihw.buses.link import Context, Url
 from urbihw.buses.servos import trace
 from urbihw.buses.trace import Chunk
-from urbihw.buses.traffic import MOST_BYTES, MOST_CHUNKS, MOST_OPENING_BYTES, OPENING_S, TrafficLog
+from urbihw.buses.traffic import (
+    MOST_BYTES,
+    MOST_CHUNKS,
+    MOST_OPENING_BYTES,
+    MOST_OPENING_ROWS,
+    OPENING_ROWS,
+    OPENING_S,
+    TrafficLog,
+)
 from urbihw.buses.turnaround import BusMeter
 
 from .conftest import Rig
@@ -68,11 +76,13 @@ def test_the_first_seconds_of_a_link_are_kept_for_who_records_later(bench: Contr
     bench.run(OPENING_S + 1.0)
     caller = bench.call()
     caller.say("record")
-    bench.run(0.05)
-    first, opening, *_ = caller.hear()
-    assert first["do"] == "record" and first["settings"]["rate"] == 100.0 and opening["opening"]
-    written = [data.hex(" ").upper() for direction, data in traffic([opening]) if direction == ">"]
+    bench.run(0.2)
+    first, *said = caller.hear()
+    assert first["do"] == "record" and first["settings"]["rate"] == 100.0
+    opening = [event for event in said if event.get("opening")]
+    written = [data.hex(" ").upper() for direction, data in traffic(opening) if direction == ">"]
     assert len(sent) > 250 and written[: len(sent)] == sent
+    assert len(opening) > 2 and all(len(event["chunks"]) <= OPENING_ROWS for event in opening)
 
 
 def test_the_first_seconds_are_bounded(rig: Rig) -> None:
@@ -80,7 +90,12 @@ def test_the_first_seconds_are_bounded(rig: Rig) -> None:
     log.begin(rig.link)
     for _ in range(5):
         rig.link.observer("<", b"x" * (MOST_OPENING_BYTES // 2))  # type: ignore[misc]
-    assert [len(row[2]) // 2 for row in log.opening()["chunks"]] == [MOST_OPENING_BYTES // 2] * 2
+    rows = [row for event in log.opening() for row in event["chunks"]]
+    assert [len(row[2]) // 2 for row in rows] == [MOST_OPENING_BYTES // 2] * 2
+    log.begin(rig.link)
+    for _ in range(MOST_OPENING_ROWS + 5):
+        rig.link.observer("<", b"x")  # type: ignore[misc]
+    assert sum(len(event["chunks"]) for event in log.opening()) == MOST_OPENING_ROWS
 
 
 def test_what_waits_is_bounded_and_the_loss_is_told(rig: Rig) -> None:

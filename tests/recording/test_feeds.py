@@ -100,6 +100,7 @@ def test_what_is_no_worker_of_this_version_is_told(tmp_path: Path) -> None:
 
         def refuse() -> None:
             with listener.accept()[0] as client:
+                assert client.recv(4096)
                 client.sendall(b'{"ok":false,"error":"what?"}\n')
 
         answer = threading.Thread(target=refuse)

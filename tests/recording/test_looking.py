@@ -82,3 +82,12 @@ def test_values_as_a_table(file: Path, capsys: Capture) -> None:
     assert shown(capsys, str(file), "--csv", "--raw", "--values", "7")[0] == "time,7.present_position"
     assert main(["show", str(file), "--csv", "--raw", "--values", "8"]) == 66
     assert "has no values of 8" in capsys.readouterr().err
+
+
+def test_the_wire_is_decoded_packet_by_packet(file: Path, tmp_path: Path, capsys: Capture) -> None:
+    capture = tmp_path / "wire.hex"
+    capture.write_text("\n".join(shown(capsys, str(file), "--capture")) + "\n")
+    assert main(["trace", str(capture)]) == 0
+    told = capsys.readouterr()
+    assert any("goal_position 600" in line for line in told.out.splitlines())
+    assert ", 0 damaged, " in told.err

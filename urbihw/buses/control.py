@@ -167,6 +167,12 @@ class ControlSocket:
             if client.records and not client.closed:
                 client.send_telemetry(event)
 
+    def publish_backlogs(self) -> None:
+        """Send each client that has begun to record the next event of what was before."""
+        for client in self._clients:
+            if client.records and not client.closed and (event := next(client.backlog, None)) is not None:
+                client.send_telemetry(event)
+
     def publish_traffic(self, event: Mapping[str, Any]) -> None:
         """Send bytes of the wire (`TrafficLog.take`) to the clients that want them."""
         for client in self._clients:

@@ -14,7 +14,7 @@ import os
 import re
 import socket
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -111,6 +111,7 @@ class ControlClient:
         self.subscribed = False
         self.traces = False
         self.records = False
+        self.backlog: Iterator[Mapping[str, Any]] = iter(())
         self.values_rate = 0.0
         self.values_due = 0.0
         self.closed = False

@@ -53,6 +53,8 @@ class Driver:
         slow_verbs: requests during which the cycle pauses on purpose.
         halted: set by the driver during a tick when its motion has ended for a reason of the device (the base was
             switched off by hand); the engine treats it as a stop with this reason.
+        logs_in: whether it may send a password through its port: its bytes are then neither kept nor given to those who
+            record.
         can_move: whether its devices can move: then a worker that dies is replaced at once, by a spare one.
         knows_motion: whether the devices tell if they move, so that `stop_what_moves` knows.
         url_parameters: parameters of the url that are meant for the robot; the port is opened without them.
@@ -65,6 +67,7 @@ class Driver:
     """
 
     slow_verbs: frozenset[str] = frozenset()
+    logs_in: bool = False
     can_move: bool = True
     knows_motion: bool = False
     url_parameters: frozenset[str] = frozenset()

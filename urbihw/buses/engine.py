@@ -399,8 +399,9 @@ class Engine:
             elif command.verb == SUBSCRIBE:
                 command.client.subscribed = True
             elif command.verb in (TRACE, RECORD):
-                command.client.traces = True
-                command.client.records = command.client.records or command.verb == RECORD
+                records = command.verb == RECORD
+                command.client.records = command.client.records or records
+                command.client.traces = command.client.traces or not (records and self._driver.logs_in)
             elif command.verb == VALUES:
                 command.client.send_values_at(command.rate, self._clock.now())
             told = self._state_fields()
@@ -409,15 +410,14 @@ class Engine:
             if command.verb in (TRACE, RECORD):
                 told |= self._traffic.fields(self._link.port)
             if command.verb == RECORD:
-                told |= self._journal.fields()
+                told |= self._journal.fields() | {"wire": not self._driver.logs_in}
+                command.client.backlog = self._traffic.opening()
             if command.verb in (STATE, HEALTH):
                 told |= self._inventory.state_fields()
             if command.verb == HEALTH:
                 told |= self._health.fields(self._clock.now(), self._inbox.heard_at, self._link.port is not None)
                 told["scheduling"] = self._processor.scheduling
             command.answer(told)
-            if command.verb == RECORD:
-                command.client.send_telemetry(self._traffic.opening())
 
     def _state_fields(self) -> dict[str, Any]:
         return {

@@ -96,16 +96,17 @@ class Reports:
         if self._control is not None:
             self._control.publish_values(partial(self._health.values, link is not None))
 
-    def begin_traffic(self, port: Port) -> None:
-        """Keep the first bytes of a link that was just opened, if anybody could ask for them."""
-        if self._control is not None:
+    def begin_traffic(self, port: Port, kept: bool) -> None:
+        """Observe a link that was just opened, and keep its first bytes (``kept``) if anybody could ask for them."""
+        if self._control is not None and kept:
             self._traffic.begin(port)
-            self.publish_traffic(port)
+        self.publish_traffic(port)
 
     def publish_traffic(self, link: Port | None) -> None:
         """Send the bytes that the link has moved to the clients that trace them."""
         if self._control is not None:
             self._traffic.observe(link, self._control.is_traced)
+            self._control.publish_backlogs()
             event = self._traffic.take()
             if event is not None:
                 self._control.publish_traffic(event)

@@ -52,7 +52,7 @@ class RobotLink:
             self._close(str(error), isinstance(error, BadUrl) or error.errno in _MISTAKES)
             return None
         self.port = port
-        self._reports.begin_traffic(port)
+        self._reports.begin_traffic(port, kept=not self._driver.logs_in)
         messages: list[FromWorker] = []
         if not self.attempt(lambda: messages.extend(self._driver.attach(port))):
             return None

@@ -58,13 +58,7 @@ class TracedPacket:
 
 
 class TraceDecoder(ABC):
-    """Decodes the traffic of one wire.
-
-    Attributes:
-        hides: whether there may be logins on it, whose bytes are not shown and never recorded.
-    """
-
-    hides = False
+    """Decodes the traffic of one wire."""
 
     @abstractmethod
     def feed(self, chunk: Chunk) -> list[TracedPacket]:

@@ -10,7 +10,7 @@ could be played to a driver.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, is_dataclass
 from typing import Any, Final
 
@@ -27,6 +27,9 @@ MOST_BYTES: Final = 1 << 18
 OPENING_S: Final = 5.0
 """Seconds after a link was opened whose bytes are kept."""
 MOST_OPENING_BYTES: Final = 1 << 17
+MOST_OPENING_ROWS: Final = 20_000
+OPENING_ROWS: Final = 200
+"""Chunks of them in one event."""
 
 Row = tuple[float, str, bytes]
 """When bytes were moved, in which direction, and which."""
@@ -86,14 +89,17 @@ class TrafficLog:
         self._size = self._lost = 0
         return event
 
-    def opening(self) -> dict[str, Any]:
-        """Return the event with the first seconds of the link, without what the next `take` returns."""
+    def opening(self) -> Iterator[dict[str, Any]]:
+        """Return the first seconds of the link, without what the next `take` returns, as events to be sent one a tick:
+        to make all of them at once would take longer than a tick."""
         fresh = {id(row) for row in self._chunks}
-        return {**_event([row for row in self._opening if id(row) not in fresh], 0), "opening": True}
+        rows = [row for row in self._opening if id(row) not in fresh]
+        return ({**_event(part, 0), "opening": True} for part in _batched(rows, OPENING_ROWS))
 
     def _add(self, direction: str, data: bytes) -> None:
         row = (self._clock.now(), direction, data)
-        if row[0] < self._opening_until and self._opening_size + len(data) <= MOST_OPENING_BYTES:
+        room = self._opening_size + len(data) <= MOST_OPENING_BYTES and len(self._opening) < MOST_OPENING_ROWS
+        if row[0] < self._opening_until and room:
             self._opening.append(row)
             self._opening_size += len(data)
         if not self._wanted:
@@ -108,3 +114,8 @@ class TrafficLog:
 def _event(rows: Iterable[Row], lost: int) -> dict[str, Any]:
     chunks = [[round(time, 6), direction, data.hex()] for time, direction, data in rows]
     return {"event": "Traffic", "chunks": chunks, "lost": lost}
+
+
+def _batched(rows: Sequence[Row], size: int) -> Iterator[Sequence[Row]]:
+    """Yield the rows in parts of a size."""
+    return (rows[begin : begin + size] for begin in range(0, len(rows), size))

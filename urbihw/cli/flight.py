@@ -12,13 +12,14 @@ from datetime import datetime
 from pathlib import Path
 from typing import Final
 
-from urbihw.cli.recordings import FLIGHT_DOOR, RobotFeeds, begin_file, maker_for, open_door
+from urbihw.cli.recordings import FLIGHT_DOOR, RobotFeeds, begin_file, open_door
 from urbihw.daemon.flight import FAREWELL
 from urbihw.exitcodes import EX_OK
 from urbihw.recording.flight import FlightMemory
 from urbihw.recording.flight_recorder import PREFIX, FlightRecorder
 from urbihw.recording.recorder import RobotRecorder
 from urbihw.recording.recording_file import SUFFIX, RecordingFile
+from urbihw.recording.records import RecordMaker
 
 BEAT_S: Final = 1.0
 """Seconds between two signs of life."""
@@ -63,11 +64,11 @@ def serve_flight(control: Path, platform: str, folder: Path, seconds: float) -> 
     line = DaemonLine(sys.stdin.fileno())
     # Ctrl-C is for the daemon, which ends its children.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    maker = maker_for(platform)
+    maker = RecordMaker()
 
     def begin(reason: str) -> RecordingFile:
         name = f"{PREFIX}{datetime.now():%Y%m%d-%H%M%S-%f}-{reason}{SUFFIX}"
-        return begin_file(folder / name, platform, maker)
+        return begin_file(folder / name, platform)
 
     memory = FlightMemory(seconds)
     flight = FlightRecorder(memory, maker, folder, begin)

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Final
 
 from urbihw.cli.options import CliRefused, complain, number
-from urbihw.cli.recordings import FILE_DOOR, FLIGHT_DOOR, RobotFeeds, begin_file, maker_for, open_door, platform_for
+from urbihw.cli.recordings import FILE_DOOR, FLIGHT_DOOR, RobotFeeds, begin_file, open_door, platform_for
 from urbihw.cli.tracing import open_traffic, traffic_of
 from urbihw.daemon.state import recordings_folder
 from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_UNAVAILABLE
@@ -26,6 +26,7 @@ from urbihw.kernel.uobject import BadConfig
 from urbihw.recording.door import ask
 from urbihw.recording.recorder import RobotRecorder
 from urbihw.recording.recording_file import SUFFIX, RecordingRefused
+from urbihw.recording.records import RecordMaker
 
 WORDS: Final = ("stop", "estop", "lost")
 """What a recording may be ended by, besides a time."""
@@ -92,13 +93,13 @@ def ask_recorder(control: Path, what: str) -> str:
 
 def _record(control: Path, options: argparse.Namespace) -> int:
     platform = platform_for(control, options.platform or "")
-    maker = maker_for(platform)
+    maker = RecordMaker()
     folder = options.folder if options.folder is not None else recordings_folder() / platform
     name = options.name or f"{platform}-{datetime.now():%Y%m%d-%H%M%S}"
     with closing(RobotFeeds(control, options.clients)) as feeds:
         ending = RecordingEnd(options.until)
         with closing(open_door(control, FILE_DOOR, lambda verb: ending.asked(verb, file.path))) as door:
-            file = begin_file(folder / f"{name}{SUFFIX}", platform, maker)
+            file = begin_file(folder / f"{name}{SUFFIX}", platform)
             print(f"urbihw record: {file.path}; Ctrl-C ends it", file=sys.stderr)
             recorder = RobotRecorder(feeds.queue, maker, [file])
             recorder.heard = ending.hear

@@ -10,7 +10,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
-from urbihw import platforms
 from urbihw.cli.options import CliRefused
 from urbihw.cli.tracing import platform_of
 from urbihw.daemon.record_feed import SUFFIX as DAEMON_FEED
@@ -18,7 +17,6 @@ from urbihw.exitcodes import EX_CONFIG, EX_UNAVAILABLE
 from urbihw.recording.door import DoorTaken, RecorderDoor
 from urbihw.recording.feed import DaemonFeed, LineQueue, SocketFeed, WorkerFeed
 from urbihw.recording.recording_file import RecordingFile, RecordingRefused
-from urbihw.recording.records import RecordMaker
 
 FILE_DOOR: Final = ".recording"
 """End of the name of the socket of who records into a file."""
@@ -26,32 +24,24 @@ FLIGHT_DOOR: Final = ".flight"
 """The same of the flight recorder."""
 
 
-def begin_file(path: Path, platform: str, maker: RecordMaker) -> RecordingFile:
+def begin_file(path: Path, platform: str) -> RecordingFile:
     """Begin a file, and its folder if there is none.  Raises RecordingRefused."""
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     except OSError as error:
         raise RecordingRefused(f"{path.parent}: {error.strerror}") from error
-    return RecordingFile(path, time.time_ns() - time.monotonic_ns(), about(platform, maker))
+    return RecordingFile(path, time.time_ns() - time.monotonic_ns(), about(platform))
 
 
-def about(platform: str, maker: RecordMaker) -> Mapping[str, str]:
+def about(platform: str) -> Mapping[str, str]:
     """What a file tells of itself; never a secret."""
     return {
         "platform": platform,
         "version": version("urbihw"),
         "python": sys.version.split()[0],
-        "wire": "yes" if maker.wire else "no: it may contain a login",
         "monotonic0": f"{time.monotonic():.6f}",
         "realtime0": f"{time.time():.6f}",
     }
-
-
-def maker_for(platform: str) -> RecordMaker:
-    """What makes the records of a robot: without the wire if a login may be on it.  Raises BadConfig."""
-    manifest = platforms.find(platform)
-    hides = bool(manifest.trace) and platforms.load_trace(manifest)(()).hides
-    return RecordMaker(wire=not hides)
 
 
 def platform_for(control: Path, given: str) -> str:

@@ -22,11 +22,12 @@ from typing import IO, Final
 from urbihw.cli import control, doctor
 from urbihw.cli.options import CliRefused, complain
 from urbihw.cli.record import ask_recorder, control_socket
-from urbihw.cli.recordings import RobotFeeds, begin_file, maker_for, platform_for
+from urbihw.cli.recordings import RobotFeeds, begin_file, platform_for
 from urbihw.exitcodes import EX_CONFIG, EX_OK
 from urbihw.kernel.uobject import BadConfig
 from urbihw.recording.recorder import RobotRecorder
 from urbihw.recording.recording_file import RecordingRefused
+from urbihw.recording.records import RecordMaker
 
 RECORDED_S: Final = 5.0
 """Seconds that are recorded where there is no flight recorder."""
@@ -95,9 +96,9 @@ def _recording(socket: Path, robot: str, folder: Path, clients: bool) -> tuple[P
     """
     with contextlib.suppress(CliRefused):
         return Path(ask_recorder(socket, "last")), "the last minutes, of the flight recorder"
-    maker = maker_for(robot)
+    maker = RecordMaker()
     with closing(RobotFeeds(socket, clients)) as feeds:
-        file = begin_file(folder / "now.mcap", robot, maker)
+        file = begin_file(folder / "now.mcap", robot)
         recorder = RobotRecorder(feeds.queue, maker, [file])
         end = time.monotonic() + RECORDED_S
         while time.monotonic() < end and not file.problem:

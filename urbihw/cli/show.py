@@ -16,6 +16,7 @@ from urbihw.recording.reading import Recording, UnreadableRecording, in_order
 from urbihw.recording.reasons import DeviceReasons
 from urbihw.recording.showing import KINDS, USUAL, devices_of, line_of
 from urbihw.recording.table import write_csv
+from urbihw.recording.wire import capture_lines
 
 _SECONDS: Final = re.compile(r"(\d{1,9}(?:\.\d{1,9})?)s?")
 
@@ -36,6 +37,8 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--csv", action="store_true", help="print the measured values as CSV, in SI units")
     parser.add_argument("--raw", action="store_true", help="with --csv: the raw counts of every tick instead")
     parser.add_argument("--values", metavar="NAME,...", default="", help="with --csv: only these, such as 6.position,7")
+    parser.add_argument("--capture", action="store_true",
+                        help="print the bytes of the wire as a capture, which urbihw trace decodes")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -56,6 +59,9 @@ def _run(options: argparse.Namespace) -> int:
     recording = Recording(options.file)
     if options.csv:
         write_csv(recording, [name for name in options.values.split(",") if name], sys.stdout, raw=options.raw)
+    elif options.capture:
+        for line in capture_lines(recording):
+            print(line)
     elif options.why:
         reasons = DeviceReasons(options.why)
         for message in in_order(recording.messages(until=options.at)):

@@ -54,16 +54,9 @@ def json_record(topic: str, time: float, message: Mapping[str, Any]) -> TopicRec
 
 
 class RecordMaker:
-    """Turns the lines of a worker into records.
+    """Turns the lines of a worker and of a daemon into records."""
 
-    Attributes:
-        wire: whether the bytes of the wire are kept.
-        about: what the worker told of itself before the first event: ``url``, ``baud``, ``devices``, ``settings``.
-    """
-
-    def __init__(self, wire: bool = True) -> None:
-        self.wire = wire
-        self.about: dict[str, Any] = {}
+    def __init__(self) -> None:
         self._beginning: dict[str, list[TopicRecord]] = {}
         self._last = 0.0
 
@@ -109,9 +102,10 @@ class RecordMaker:
         if answer.get("do") != "record":
             return []
         self._last = float(answer["time"])
-        self.about = {name: answer[name] for name in ("url", "baud", "devices", "settings") if name in answer}
+        about = {name: answer[name] for name in ("url", "baud", "devices", "settings", "wire") if name in answer}
         state = {"event": "Worker", "up": bool(answer["link"]), "estop": answer["estop"], "epoch": answer["epoch"]}
-        found = self._beginning["worker"] = [json_record(topics.WIRE_STATE, self._last, state | self.about)]
+        self._beginning.pop("opening", None)
+        found = self._beginning["worker"] = [json_record(topics.WIRE_STATE, self._last, state | about)]
         return found
 
     @staticmethod
@@ -131,11 +125,10 @@ class RecordMaker:
         found = []
         if event.get("lost"):
             found.append(json_record(topics.LOST, self._last, {"count": int(event["lost"]), "where": "wire"}))
-        if self.wire:
-            found += [
-                TopicRecord(topics.WIRE_OUT if way == ">" else topics.WIRE_IN, float(time), bytes.fromhex(data))
-                for time, way, data in event["chunks"]
-            ]
+        found += [
+            TopicRecord(topics.WIRE_OUT if way == ">" else topics.WIRE_IN, float(time), bytes.fromhex(data))
+            for time, way, data in event["chunks"]
+        ]
         if event.get("opening"):
-            self._beginning["opening"] = found
+            self._beginning.setdefault("opening", []).extend(found)
         return found

@@ -72,6 +72,7 @@ class NaoDriver(Driver):
     """See the head of this file, and ``urbihw.buses.driver.Driver`` for who calls what."""
 
     slow_verbs = frozenset({"describe", "listen", "serve", "follow", FILM})
+    logs_in = True
     knows_motion = True
     device_info = NaoInfo
     quantities = {

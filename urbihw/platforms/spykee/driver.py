@@ -61,6 +61,7 @@ _READERS: Final[Mapping[int, Callable[[bytes], Any]]] = {
 class SpykeeDriver(Driver):
     """Drives a Spykee over one TCP link; ``urbihw.buses.driver.Driver`` tells when each method is called."""
 
+    logs_in = True
     device_info = SpykeeRobotInfo
 
     def __init__(self) -> None:

@@ -25,8 +25,6 @@ _SECRET: Final = {p.LOGIN, p.CONFIGURATION, p.NETWORKS}
 class SpykeeDecoder(StreamDecoder):
     """Decodes the packets of the control connection."""
 
-    hides = True
-
     def cut(self, direction: Direction, data: bytearray) -> Cut | None:
         """Return how these bytes begin."""
         start = data.find(_MAGIC[:1])

@@ -18,8 +18,6 @@ _SERVICES: Final = {0: "server", 1: "service directory"}
 class QiDecoder(StreamDecoder):
     """Decodes the heads of messages."""
 
-    hides = True
-
     def cut(self, direction: Direction, data: bytearray) -> Cut | None:
         """Return how these bytes begin."""
         start = data.find(MAGIC[:1])
