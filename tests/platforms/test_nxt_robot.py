@@ -312,3 +312,20 @@ def test_a_command_while_the_link_is_down_fails() -> None:
     lab.unplug()
     lab.run(0.1)
     assert lab.say("Command.request([7,0], 15);", 0.5) == "[]"
+
+
+@pytest.mark.parametrize("leaves", [True, False])
+def test_a_program_that_a_command_has_begun_ends_with_its_client(leaves: bool) -> None:
+    """Its motors stand then; so do others, since the end of a program lets all coast."""
+    lab = Lab.ready()
+    lab.brick.program_power = 50
+    name = ", ".join(str(byte) for byte in b"Demo.rxe".ljust(20, b"\0"))
+    lab.say(f"Command.send([0, {name}]);", 1.0)
+    speeds = {port: lab.brick.motor(port).speed for port in "ABC"}
+    assert lab.brick.program and all(speed > 300 for speed in speeds.values()), speeds
+    if leaves:
+        lab.lobby.close()
+    lab.run(3.0)
+    assert bool(lab.brick.program) is not leaves
+    speeds = {port: lab.brick.motor(port).speed for port in "ABC"}
+    assert all((abs(speed) < 1) is leaves for speed in speeds.values()), speeds

@@ -74,6 +74,7 @@ class NxtDriver(Driver):
         self._pending: ReadingJob | None = None
         self._active_motors: frozenset[str] = frozenset()
         self._moved: set[str] = set()
+        self._began_program = False
         self._rotations: dict[str, int] = {}
         self._keep_alive_at = 0.0
         self._next_tick = 0.0
@@ -163,7 +164,8 @@ class NxtDriver(Driver):
     def safe_stop(self, devices: tuple[Any, ...] | None = None) -> None:
         """Hold all or some motors, or coast with ``torque_off_on_stop``; end the sound.  Raises LinkGone.
 
-        A full stop also ends the program on the brick, which would move the motors again.
+        A full stop also ends the program on the brick, which would move the motors again; that of the brick alone ends
+        one that a telegram has begun: the lease of its client is over. Its end lets all motors coast, so all are held.
         """
         self._motion.drop_targets(devices)
         exchange, self._pending = self._exchange, None
@@ -174,12 +176,13 @@ class NxtDriver(Driver):
             self._stop_motors(exchange, ports, silence=devices is None or BRICK in devices)
         except BusError as error:
             raise LinkGone(f"{exchange.link.url.text}: the brick did not confirm that it stopped ({error})") from error
-        if devices is None:
+        if devices is None or (BRICK in devices and self._began_program):
             self.stop_again()
         self._moved -= {*ports}
 
     def stop_again(self) -> None:
         """End a program on the brick, and the motion of the motors, which its end lets coast.  Raises LinkGone."""
+        self._began_program = False
         if self._exchange is not None:
             for telegram in (p.stop_program(), self._stop_telegram(p.ALL_OUTPUTS)):
                 self._exchange.send(telegram)
@@ -344,20 +347,21 @@ class NxtDriver(Driver):
 
     # ---------------------------------------------------------------- requests
 
-    def _drop_goals(self, telegram: bytes) -> None:
+    def _note_telegram(self, telegram: bytes) -> None:
         outputs = p.outputs_of(telegram)
         self._moved |= outputs
         self._motion.drop_goals(outputs)
+        self._began_program = self._began_program or telegram[1:2] == p.START_PROGRAM
 
     def _send_request(self, exchange: NxtExchange, message: Request) -> Any:
         device, item, value = message.device, message.item, message.value
         if (message.verb, device, item) == ("write", BRICK, "telegram"):
             raw = p.raw(value, reply=True)
-            self._drop_goals(raw)
+            self._note_telegram(raw)
             return _request_with_retries(exchange, raw, tries=1)[1:]
         if (message.verb, device, item) == ("write", BRICK, "silent"):
             raw = p.raw(value, reply=False)
-            self._drop_goals(raw)
+            self._note_telegram(raw)
             exchange.send(raw)
             return None
         if (message.verb, item) == ("write", "i2c") and device in p.INPUTS:

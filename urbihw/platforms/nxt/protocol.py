@@ -37,7 +37,9 @@ SYSTEM_OPCODES: Final = frozenset(
 )
 """Opcodes with a defined reply: the firmware answers unknown opcodes with garbage."""
 
-MOVING_OPCODES: Final = frozenset((b"\x00", b"\x02", b"\x03", b"\x04"))
+START_PROGRAM: Final = b"\x00"
+"""The opcode of STARTPROGRAM."""
+MOVING_OPCODES: Final = frozenset((START_PROGRAM, b"\x02", b"\x03", b"\x04"))
 """Direct commands that start a motion or a sound: STARTPROGRAM, PLAYSOUNDFILE, PLAYTONE, SETOUTPUTSTATE."""
 
 MEANINGS: Final = {
