@@ -163,6 +163,17 @@ def test_who_hears_of_an_owned_variable_gets_its_sensed_value(bench: Bench) -> N
     assert heard == [4.0]
 
 
+def test_a_library_says_that_its_job_was_ended(bench: Bench) -> None:
+    """Who waits for the end of a library, such as the growth of a tree, would wait for ever."""
+    said: list[str] = []
+    bench.kernel.host.run("sleep(1h);", "slow.u", said.append)
+    bench.say("1;")
+    assert said == []
+    bench.say("for (var job : Job.jobs) { if (job.name == \"slow.u\") job.terminate };")
+    bench.say("1;")
+    assert said == ["slow.u: its job was ended"]
+
+
 def test_a_library_says_where_it_is_wrong(bench: Bench) -> None:
     said: list[str] = []
     bench.kernel.host.run("var Global.x = 1;", "good.u", said.append)

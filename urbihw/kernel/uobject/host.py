@@ -15,6 +15,7 @@ from urbihw.kernel import errors
 from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.sched.clock import LedClock
+from urbihw.kernel.sched.signals import JobSignal
 from urbihw.kernel.uobject.modules import classes_of, import_module
 from urbihw.kernel.uobject.registry import Registry
 from urbihw.kernel.uobject.uevent import UEvent
@@ -268,6 +269,9 @@ class Host:
         def body() -> None:
             try:
                 self.world.record.adopt(lambda: self._programs.evaluate(text, self.world.global_, file))
+            except JobSignal:
+                done(f"{file}: its job was ended")
+                raise
             except Exception as error:
                 done(self.world.describe(error)[0])
             else:
