@@ -166,7 +166,7 @@ def test_who_hears_of_an_owned_variable_gets_its_sensed_value(bench: Bench) -> N
 def test_a_library_says_that_its_job_was_ended(bench: Bench) -> None:
     """Who waits for the end of a library, such as the growth of a tree, would wait for ever."""
     said: list[str] = []
-    bench.kernel.host.run("sleep(1h);", "slow.u", said.append)
+    bench.kernel.host.run("var e = Event.new; waituntil (e?);", "slow.u", said.append)
     bench.say("1;")
     assert said == []
     bench.say("for (var job : Job.jobs) { if (job.name == \"slow.u\") job.terminate };")
