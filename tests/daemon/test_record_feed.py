@@ -51,7 +51,7 @@ def test_a_recorder_gets_settings_log_and_what_clients_say(tmp_path: Path) -> No
         while not feed._clients:
             await asyncio.sleep(0.01)
         feed.add_log({"date": 1.5, "level": "warning", "text": "link lost", "fields": {"logger": "urbihw.robot"}})
-        feed.overhear(ALICE, ">", b"motor6.val = 1;\n")
+        feed.overhear(ALICE, ">", b"token abc-DEF_123\r\nmotor6.val = 1;\n")
         feed.overhear(ALICE, "<", b"x" * 100_000)
         lines = await task
         feed.close()
@@ -60,6 +60,7 @@ def test_a_recorder_gets_settings_log_and_what_clients_say(tmp_path: Path) -> No
 
     settings, log, typed, answered = asyncio.run(trial())
     assert settings["settings"] == {"rate": 100.0}
+    assert typed["text"] == "token ...\r\nmotor6.val = 1;\n"
     assert len(answered["text"]) == MOST_TEXT and answered["size"] == 100_000
     maker = RecordMaker()
     lines = (json.dumps(line).encode() for line in (settings, log, typed, answered))
@@ -67,7 +68,9 @@ def test_a_recorder_gets_settings_log_and_what_clients_say(tmp_path: Path) -> No
     assert [record.topic for record in records] == [topics.SETTINGS, topics.LOG, topics.TYPED, topics.ANSWERED]
     shown = [line_of(RecordedMessage(*record)).split(None, 1)[1] for record in records[:3]]
     assert shown == [
-        "settings   rate = 100.0", "log        link lost", "typed      10.0.0.7:5000 (alice): motor6.val = 1;"
+        "settings   rate = 100.0",
+        "log        link lost",
+        "typed      10.0.0.7:5000 (alice): token ...??motor6.val = 1;",
     ]
     assert json.loads(records[1].data)["level"] == 3 and json.loads(records[1].data)["timestamp"]["nsec"] == 500_000_000
     assert maker.beginning == records[:1]

@@ -11,6 +11,7 @@ import asyncio
 import contextlib
 import json
 import os
+import re
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -26,6 +27,8 @@ MOST_UNREAD: Final = 1 << 20
 MOST_TEXT: Final = 4000
 """Bytes of a piece that a client sent or gets; a longer one is cut, and its size stands beside it."""
 MOST_CLIENTS: Final = 4
+_TOKEN: Final = re.compile(r"^(\s*token[ \t]+)\S+", re.MULTILINE)
+"""The line with which a client shows its token."""
 
 
 def shown_settings(config: Config) -> dict[str, Any]:
@@ -57,9 +60,13 @@ class RecordFeed:
         self._tell({"event": "Log", **entry})
 
     def overhear(self, connection: LobbyConnection, way: str, data: bytes) -> None:
-        """Tell what a client sent (``>``) or gets.  The token of a client is no part of that: it came before."""
+        """Tell what a client sent (``>``) or gets.
+
+        The token of a client is no part of that: the handshake has taken it.  One that was sent to a port that wants
+        none is left out.
+        """
         if self._clients:
-            text = data[:MOST_TEXT].decode("utf-8", "backslashreplace")
+            text = _TOKEN.sub(r"\1...", data[:MOST_TEXT].decode("utf-8", "backslashreplace"))
             kind = "Typed" if way == ">" else "Answered"
             self._tell({"event": kind, "client": connection.peer, "text": text, "size": len(data)})
 
