@@ -6,7 +6,6 @@ import math
 import random
 import statistics
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
 
 from bench.corridor import OFFSETS, TURNS, WIDTHS, Corridor
@@ -91,12 +90,12 @@ def furniture_rows(seeds: int, goals: int) -> list[tuple[str, str]]:
     return rows
 
 
-def corridor_rows(widths: Sequence[float] = WIDTHS, turns: Sequence[float] = TURNS) -> list[tuple[str, str]]:
-    """Rows for the table: corridors, each there and back."""
+def corridor_rows() -> list[tuple[str, str]]:
+    """Rows for the table: corridors, each there and back, the narrowest one also slanting to the grid."""
     rows = []
-    for width in (*TOO_NARROW, *widths):
+    for width in (*TOO_NARROW, *WIDTHS):
         runs = []
-        for degrees in turns:
+        for degrees in TURNS if width == min(WIDTHS) else TURNS[:1]:
             for offset in OFFSETS:
                 some = run_corridor(Corridor(width, offset, degrees))
                 runs += some[:1] if width in TOO_NARROW else some

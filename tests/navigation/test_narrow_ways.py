@@ -119,9 +119,9 @@ class Walker:
         """Nothing stands in its way."""
         return math.inf
 
-    def is_narrow(self, a: Point, b: Point) -> bool:
+    def is_narrow(self, a: Point, b: Point, margin: float) -> bool:
         """As ``NavigatorView`` has it."""
-        return not is_clear(self.grid, a, b, ROOM.clear - 0.01)
+        return not is_clear(self.grid, a, b, ROOM.clear + margin)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 17.0])

@@ -9,7 +9,15 @@ import pytest
 from urbihw.navigation.base import Echo
 from urbihw.navigation.frames import Pose
 from urbihw.navigation.grid import Grid
-from urbihw.navigation.obstacles import FADE_S, GONE_AFTER, MARK_RANGE, ObstacleLayer, closes_path, free_way
+from urbihw.navigation.obstacles import (
+    FADE_S,
+    GONE_AFTER,
+    MARK_RANGE,
+    STOOD_FADE_S,
+    ObstacleLayer,
+    closes_path,
+    free_way,
+)
 
 HERE: Pose = (5.0, 5.0, math.pi / 2)
 
@@ -68,6 +76,15 @@ def test_marks_fade() -> None:
     seen.add_points([(5.0, 6.0)], 0.0)
     assert len(seen.points(FADE_S - 0.1)) == 1
     assert seen.points(FADE_S) == []
+
+
+def test_what_stood_there_for_a_while_is_remembered_longer() -> None:
+    seen = layer()
+    for second in range(7):
+        seen.add_points([(5.0, 6.0)], float(second))
+    assert len(seen.points(6 + FADE_S)) == 1 and seen.recent_points(6 + FADE_S) == []
+    assert len(seen.points(6 + STOOD_FADE_S - 0.1)) == 1
+    assert seen.points(6 + STOOD_FADE_S) == []
 
 
 @pytest.mark.parametrize(

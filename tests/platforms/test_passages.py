@@ -20,8 +20,9 @@ def drive_through(corridor: Corridor, folder: Path) -> Run:
     return Trial(corridor, folder).drive(corridor.goals()[0])
 
 
-def test_a_robot_of_50_cm_goes_through_55_without_touching_the_walls(tmp_path: Path) -> None:
-    run = drive_through(Corridor(0.55, 0.037, 17.0), tmp_path)
+@pytest.mark.parametrize(("width", "degrees"), [(0.55, 17.0), (0.6, 0.0)])
+def test_a_robot_of_50_cm_goes_through_without_touching_the_walls(tmp_path: Path, width: float, degrees: float) -> None:
+    run = drive_through(Corridor(width, 0.037, degrees), tmp_path)
     assert run.reached and run.contacts == 0
     assert run.seconds < 80
 

@@ -35,6 +35,9 @@ NARROW_LOOKAHEAD, NARROW_STOP_DISTANCE = 0.2, 0.08
 """As LOOKAHEAD and STOP_DISTANCE, there."""
 NARROW_TURN: Final = 0.12
 """Course error in rad above which the robot turns on the spot there."""
+NARROW_MARGIN, STUCK_MARGIN = -0.01, 0.03
+"""m beside what paths want: a way with less room is narrow, and one with less than the second if the robot cannot go on
+as where it is wide."""
 NARROW_BEFORE, NARROW_AHEAD = 0.4, 0.7
 """m of the path behind and ahead of the robot that make it narrow."""
 EVASIONS: Final = (0.0, 0.05, -0.05, 0.1, -0.1, 0.2, -0.2, 0.3, -0.3)
@@ -71,8 +74,8 @@ class PathView(Protocol):
         """Free distance in m ahead along an arc (1/m)."""
         ...
 
-    def is_narrow(self, a: Point, b: Point) -> bool:
-        """Whether there is little room beside a line."""
+    def is_narrow(self, a: Point, b: Point, margin: float) -> bool:
+        """Whether the walls leave less room beside a line than paths want and a margin in m."""
         ...
 
 
@@ -101,7 +104,7 @@ class PathFollower:
         self._arrived = min(ARRIVED, ARRIVED_SHARE * tolerance.distance)
         self._arrived_turn = min(ARRIVED_TURN, ARRIVED_SHARE * tolerance.heading)
         self._leg = 0
-        self._turning_in = False
+        self._turning_in = self._is_stuck = False
         self._waiting_since: float | None = None
 
     def change_path(self, path: list[Point]) -> None:
@@ -123,7 +126,8 @@ class PathFollower:
         if self._turning_in or math.dist((x, y), end) <= self._arrived:
             return self._turn_in(heading, state)
         self._pass_corners((x, y))
-        narrow = self._is_narrow((x, y))
+        self._is_stuck = self._is_stuck and self._is_narrow((x, y), STUCK_MARGIN)
+        narrow = self._is_stuck or self._is_narrow((x, y), NARROW_MARGIN)
         target = self._target((x, y), narrow)
         off = wrapped(math.atan2(target[1] - y, target[0] - x) - heading)
         if abs(off) > (NARROW_TURN if narrow else TURN_FIRST):
@@ -135,6 +139,9 @@ class PathFollower:
         w, room = self._steer(max(-turn, min(turn, STEERING_GAIN * off)), cruise, narrow)
         stop = NARROW_STOP_DISTANCE if narrow else STOP_DISTANCE
         if room < min(stop, math.dist((x, y), end) + self._arrived):
+            if not narrow and self._is_narrow((x, y), STUCK_MARGIN):
+                self._is_stuck = True
+                return self.speeds(state)
             # An arc may touch what the path beside it leaves free; a round hull can turn on the spot.
             return self._wait(state.time) if abs(off) < ALIGNED else (0.0, self._turn(off, state.w))
         self._waiting_since = None
@@ -180,15 +187,16 @@ class PathFollower:
         while self._leg < len(path) - 2 and _along(path[self._leg], path[self._leg + 1], at) >= 1.0:
             self._leg += 1
 
-    def _is_narrow(self, at: Point) -> bool:
-        """Whether the path is narrow near the robot."""
+    def _is_narrow(self, at: Point, margin: float) -> bool:
+        """Whether the path is narrow near the robot, with a margin in m."""
         path, leg = self.path, self._leg
         a, b = path[leg], path[leg + 1]
         length = math.dist(a, b)
         done = max(0.0, min(1.0, _along(a, b, at))) * length
         first, last = max(0.0, done - NARROW_BEFORE), done + NARROW_AHEAD
         while True:
-            if length and self._view.is_narrow(_between(a, b, first / length), _between(a, b, min(1.0, last / length))):
+            ends = [_between(a, b, share / length) for share in (first, min(last, length))] if length else []
+            if ends and self._view.is_narrow(ends[0], ends[1], margin):
                 return True
             leg += 1
             first, last = 0.0, last - length

@@ -370,9 +370,19 @@ class Navigator(UObject):
         assert grid is not None and self._seen is not None, "the robot knows where it is, so there is a map"
         start, room = self._base.odometry.absolute[:2], self._view.room()
         self._planned_at = self.host.now()
-        seen = self._seen.points(self._planned_at)
+        seen, recent = self._seen.points(self._planned_at), self._seen.recent_points(self._planned_at)
+
+        def work() -> list[Point]:
+            try:
+                return plan_around(grid, seen, start, goal.place, room)
+            except Obstructed:
+                # What stood there a while ago may be gone.
+                if len(recent) == len(seen):
+                    raise
+                return plan_around(grid, recent, start, goal.place, room)
+
         self._work.start(
-            lambda: plan_around(grid, seen, start, goal.place, room),
+            work,
             lambda path: self._follow_path(goal, path),
             lambda error: self._plan_failed(goal, error),
         )

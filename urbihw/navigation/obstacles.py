@@ -22,6 +22,9 @@ from urbihw.navigation.grid import Grid
 
 FADE_S: Final = 20.0
 """Seconds after which a mark without a new echo is dropped."""
+STANDS_S, STOOD_FADE_S = 5.0, 180.0
+"""Seconds of echoes after which something stands there, and then the seconds after which its mark is dropped: else a
+robot between two ways that are closed would forget the one while it looks at the other."""
 MARK_RANGE: Final = 3.0
 """Distance in m up to which echoes mark cells: beyond, a small error of the heading moves them too far."""
 WALL_MARGIN: Final = 0.2
@@ -52,13 +55,19 @@ class ObstacleLayer:
         self.grid = grid
         self.gone: frozenset[int] = frozenset()
         self._map = grid
-        self._seen: dict[tuple[int, int], tuple[float, Point]] = {}
+        self._seen: dict[tuple[int, int], tuple[float, float, Point]] = {}
+        """Times of the first and of the last echo in each marked cell, and the place of the last."""
         self._passes: dict[int, int] = {}
 
     def add_points(self, points: Sequence[Point], now: float) -> None:
         """Mark the cells of points on the map; ``now`` in s."""
         for point in points:
-            self._seen[self.grid.column_row(*point)] = now, point
+            self._mark(point, now)
+
+    def _mark(self, point: Point, now: float) -> None:
+        cell = self.grid.column_row(*point)
+        first, last, _ = self._seen.get(cell, (now, now, point))
+        self._seen[cell] = first if now - last < FADE_S else now, now, point
 
     def add_scan(self, scanner: Pose, echoes: Sequence[Echo], now: float) -> None:
         """Clear the cells through which the rays of a scan pass, and mark those where they end beside the walls of the
@@ -72,12 +81,12 @@ class ObstacleLayer:
             if r <= MARK_RANGE:
                 place = (x + r * math.cos(heading + a), y + r * math.sin(heading + a))
                 if grid.distance(*place) > WALL_MARGIN:
-                    self._seen[grid.column_row(*place)] = now, place
+                    self._mark(place, now)
 
     def _clear(self, scanner: Pose, rays: list[tuple[float, float]]) -> None:
         x, y, heading = scanner
         cell = self.grid.cell
-        for place, (_, (px, py)) in list(self._seen.items()):
+        for place, (_, _, (px, py)) in list(self._seen.items()):
             distance = math.hypot(px - x, py - y)
             angle = math.remainder(math.atan2(py - y, px - x) - heading, math.tau)
             index = bisect_left(rays, (angle, 0.0))
@@ -87,8 +96,15 @@ class ObstacleLayer:
 
     def points(self, now: float) -> list[Point]:
         """The last echo in each marked cell, without those that have faded."""
-        self._seen = {cell: mark for cell, mark in self._seen.items() if now - mark[0] < FADE_S}
-        return [point for _, point in self._seen.values()]
+        self._seen = {
+            cell: (first, last, point) for cell, (first, last, point) in self._seen.items()
+            if now - last < (STOOD_FADE_S if last - first >= STANDS_S else FADE_S)
+        }  # fmt: skip
+        return [point for _, _, point in self._seen.values()]
+
+    def recent_points(self, now: float) -> list[Point]:
+        """Those that were seen within ``FADE_S``, whatever stood there."""
+        return [point for _, last, point in self._seen.values() if now - last < FADE_S]
 
     # ---------------------------------------------------------------- what is gone
 

@@ -15,8 +15,6 @@ from urbihw.navigation.standing import is_clear
 
 LEAST_CLEARANCE: Final = 0.01
 """Clearance in m between the robot's radius and walls where no wider way leads, of a robot that sees them."""
-NARROW_MARGIN: Final = 0.01
-"""m by which a way counts as narrow only if it is narrower than paths want."""
 SIDE_CLEARANCE: Final = 0.03
 """Clearance in m beside the robot's radius that must be free ahead; none where the way is narrow."""
 UNSURE_SPEED: Final = 0.1
@@ -73,9 +71,9 @@ class NavigatorView:
         """Free distance in m ahead of the robot's hull along an arc (1/m)."""
         return free_way(self.echoes(), curvature, self._base.radius, 0.0 if narrow else SIDE_CLEARANCE)
 
-    def is_narrow(self, a: Point, b: Point) -> bool:
-        """Whether the walls of the map leave less room beside a line than paths want."""
-        return self.grid is not None and not is_clear(self.grid, a, b, self.clearance - NARROW_MARGIN)
+    def is_narrow(self, a: Point, b: Point, margin: float) -> bool:
+        """Whether the walls of the map leave less room beside a line than paths want and a margin in m."""
+        return self.grid is not None and not is_clear(self.grid, a, b, self.clearance + margin)
 
     def echoes(self) -> list[Point]:
         """Points that the scanner and other sensors detect now, in m ahead of and to the left of the middle of the
