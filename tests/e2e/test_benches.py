@@ -20,6 +20,7 @@ QUICK: Final = {
     "nao": r"nao, .*: [\d.]+ pictures/s of .* sent \(asked 30\)|nao, libqi: its package is not there",
     "nxt": r"late ticks: \d+; processor: ",
     "p3dx": r"another thread is late by [\d.]+ ms",
+    "recording": r"\d+ records read in ",
     "remote": r"a call of its function, frames +\d+ ",
     "segway": r"every core busy +usb +50 Hz +\d+ ",
     "spykee": r"camera, micro, speaker +[\d.]+%",
@@ -30,6 +31,7 @@ HEAVY: Final = {
     "backends": r"2\.0 1 silent +bare ",
     "dynamixel_cycle": r"(?s)protocol 2\.0\n.* 5 silent: ",
     "kernel_bench": r"pipelined 1; a second, all different +\d+ ",
+    "start": r"urbihw serve +[\d.]+ s ",
     "stop": r"estop, beside loop\|\{\} +\S",
     "worlds": r"pioneer-wander, mode fast +[\d.]+ times real time",
 }

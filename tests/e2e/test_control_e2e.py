@@ -26,7 +26,9 @@ import starts
 
 pytestmark = pytest.mark.e2e
 
-ESTOP = "emergency stop, held until: urbihw release"
+RELEASE = f"{sys.executable} -m urbihw.cli.main release"
+"""The command as the tests start it."""
+ESTOP = f"emergency stop, held until: {RELEASE}"
 
 
 class Site:
@@ -203,7 +205,7 @@ def test_an_emergency_stop_outlives_worker_and_daemon(site: Site) -> None:
     (worker,) = children(daemon.process.pid)
     os.kill(worker, signal.SIGKILL)
     until(lambda: children(daemon.process.pid) not in ([], [worker]))
-    held = "robot: stopped; an emergency stop holds (a test and ann) until: urbihw release"
+    held = f"robot: stopped; an emergency stop holds (a test and ann) until: {RELEASE}"
     until(lambda: site.ask("stop") == (0, held))
     assert client.ask("bioloid.estop;") == "true"
     kill_all(daemon)
