@@ -334,6 +334,16 @@ def test_a_joint_that_turns_faster_than_its_limit_is_told_and_stopped() -> None:
     assert max(lab.fastest(1.0).values()) <= GRAIN
 
 
+def test_nobody_claims_to_have_stopped_a_standing_joint_that_was_pushed(caplog: pytest.LogCaptureFixture) -> None:
+    lab = Chain.ready("XL330-M288:3", limits={"speed": 0.5})
+    lab.say("motor3.load = 1|; motor3.val = 0;", 1.0)
+    (body,) = lab.bodies()
+    body.load = 1.3
+    lab.run(0.3)
+    told = [text for text in caplog.messages if "above limits.speed: its movements are over" in text]
+    assert len(told) == 1 and "stopped" not in caplog.text, caplog.text
+
+
 def test_the_health_tells_what_is_blocked() -> None:
     lab = Chain.ready("AX-12:1")
     assert lab.worker is not None

@@ -75,3 +75,36 @@ def test_sts_and_scs_share_a_chain() -> None:
     lab = Lab.ready("STS3215:1,SCS0009:7")
     lab.say("motors.val = 0.3;", 2)
     assert (lab.place(1), lab.place(7)) == pytest.approx((0.3, 0.3), abs=0.02)
+
+
+@pytest.mark.parametrize("model", ["STS3215", "SCS0009"])
+def test_a_write_that_waits_for_a_switch_and_does_not_fit_the_mode_is_told_to_its_writer(model: str) -> None:
+    lab = Lab.ready(f"{model}:1")
+    lab.say("motor1.load = 1;", 0.5)
+    heard = lab.say("motor1.cwLimit = -1; motor1.goalPwm = 0.1;", 1)
+    assert "goalPwm of motor 1 not written: it is for the mode pwm: set mode first" in heard
+    assert lab.place(1) == pytest.approx(lab.number("motor1.val"), abs=0.02)
+
+
+TORQUE_LIMITS = dict.fromkeys(("AX-12", "MX-28", "STS3215"), "torque_limit")
+TORQUE_LIMITS |= dict.fromkeys(("XL330-M288", "XL430-W250", "XM430-W350", "PH54-200-S500-R"), "goal_pwm")
+"""A model of each family with a torque limit, and its register."""
+
+
+@pytest.mark.parametrize("model", TORQUE_LIMITS)
+def test_the_torque_limit_of_the_settings_and_of_a_program_reaches_the_servo(model: str) -> None:
+    lab = Lab.ready(f"{model}:1", limits={"torque": 0.3})
+    before = Lab.ready(f"{model}:1").register(1, TORQUE_LIMITS[model])
+    lab.run(0.5)
+    limited = lab.register(1, TORQUE_LIMITS[model])
+    assert limited not in (0, before)
+    lab.say("motor1.torqueLimit = 0.15;", 1)
+    assert 0 < lab.register(1, TORQUE_LIMITS[model]) < limited
+
+
+def test_what_a_client_cannot_set_under_an_emergency_stop_is_refused_to_it() -> None:
+    lab = Lab.ready("XL330-M288:1")
+    before = lab.register(1, "goal_pwm")
+    lab.look("chain.estop = true")
+    assert "release it first" in lab.say("motor1.torqueLimit = 0.1;", 1)
+    assert lab.register(1, "goal_pwm") == before

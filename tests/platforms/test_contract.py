@@ -17,6 +17,7 @@ import component_names as names
 import pytest
 from lab import RobotLab
 
+from urbihw.buses.gate import NO_ORIGIN
 from urbihw.platforms import find, folders
 
 PENDING: dict[str, str] = {}
@@ -184,6 +185,21 @@ def test_every_slot_of_a_device_has_a_meaning_and_every_number_a_unit(tree: Tree
             if not meaning and re.match(r'"|true|false|-?[\d.]|nan|-?inf', value):
                 problems.append(f"{path}: no meaning")
     assert problems == []
+
+
+def test_no_slot_that_a_client_writes_is_refused_for_want_of_an_origin(
+    tree: Tree, caplog: pytest.LogCaptureFixture
+) -> None:
+    written = 0
+    for node in tree.devices:
+        for row in tree.lab.say(f'for (var r : System.slotTable({node.expression})) echo(r.join("|"))|;').split("\n"):
+            name, value = row.removeprefix("*** ").split("|")[:2]
+            if re.fullmatch(r"-?[\d.]+(e-?\d+)?", value):
+                tree.lab.say(f"{node.expression}.{name} = {value}|;")
+                written += 1
+    tree.lab.say("", 0.5)
+    assert written
+    assert NO_ORIGIN not in caplog.text
 
 
 @pytest.mark.parametrize("platform", [folder.name for folder in folders()])

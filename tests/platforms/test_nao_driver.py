@@ -12,7 +12,9 @@ from urbihw.buses.errors import LinkGone, Unavailable
 from urbihw.buses.messages import Configure, DeviceReport, DeviceState, Found, Refused, Reply, Request, Samples, Targets
 from urbihw_nao.exchange import CYCLE_TIMEOUT_S
 from urbihw_nao.sense_part import SLOW_CYCLES
+from urbihw_nao_fakes.body import Joint
 from urbihw_nao_fakes.device import Nao
+from urbihw_nao_fakes.services import Failed
 
 
 def test_what_is_found() -> None:
@@ -325,3 +327,22 @@ def test_a_joint_that_is_bound_to_a_speed_is_no_faster_when_its_goals_arrive_lat
     rig.order(HeadYaw=-1.5)
     rig.run(0.4)
     assert rig.body.joints["HeadYaw"].angle < -1.0
+
+
+def test_a_refusal_of_any_of_the_groups_of_joints_with_one_speed_is_heard(monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = Rig().attach()
+    rig.order("stiffness", HeadYaw=1.0, HeadPitch=1.0)
+    rig.run(0.2)
+    refusing: list[str] = []
+
+    def refuse(self: Joint, angle: float, share: float) -> None:
+        if self.name in refusing:
+            raise Failed(f"no way for {self.name}")
+
+    monkeypatch.setattr(Joint, "order", refuse)
+    for name in ("HeadYaw", "HeadPitch"):
+        refusing[:] = [name]
+        rates = {("HeadYaw", "angle"): 1.0, ("HeadPitch", "angle"): 0.5}
+        rig.driver.targets(Targets({("HeadYaw", "angle"): 0.2, ("HeadPitch", "angle"): 0.1}, rates=rates))
+        heard = [each.reason for each in rig.run(0.2) if isinstance(each, Refused)]
+        assert any(f"no way for {name}" in reason for reason in heard), heard

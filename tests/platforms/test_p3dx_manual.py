@@ -68,6 +68,14 @@ def test_stopping_the_job_that_called_go_stops_the_robot() -> None:
     assert not lab.kit.body.moving and lab.kit.body.motors
 
 
+def test_an_order_under_an_emergency_stop_is_told_of_the_stop_and_not_of_the_motors(lab: Lab) -> None:
+    lab.look("P3dx.estop = true")
+    lab.run(1)
+    for order in ("P3dx.go(1);", "P3dx.turn(1);", "P3dx.body.x.speed = 0.1;"):
+        heard = lab.say(order, 0.5)
+        assert "emergency stop" in heard and "motors" not in heard, (order, heard)
+
+
 def test_body_load_switches_the_motors(lab: Lab) -> None:
     assert lab.look("P3dx.body.load") == "0"
     assert "the motors are off" in lab.say("P3dx.body.x.speed = 0.1;")

@@ -227,3 +227,21 @@ def test_a_joint_that_a_hand_has_turned_out_of_sight_does_not_leap_when_it_is_le
     assert all(abs(lab.place(number)) < 0.03 for number in lab.numbers)
     speeds = [lab.register(number, "profile_velocity") for number in lab.numbers]
     assert all(speeds), speeds
+
+
+def test_an_emergency_stop_leaves_a_joint_in_a_hand_the_goal_that_its_movement_has_brought_near() -> None:
+    lab = Standing.at_place("STS3215:1", tick=0.02, limits={"speed": 1.0})
+    for body in lab.bodies():
+        # A worn motor: the error with which it turns is taken for what it carries, and a far goal is kept as for that.
+        body.full_speed = 300.0
+    lab.say_all(f"motor#.val = {PLACE - 1},", 1.2)
+    lab.turn(0.3, 0.2)
+    lab.hold(True)
+    lab.say_all(f"motor#.val = {PLACE},", 0.5)
+    lab.look("chain.estop = true")
+    lab.run(0.5)
+    held = lab.places()
+    lab.hold(False)
+    lab.run(0.5)
+    ways = [abs(lab.place(number) - place) for number, place in held.items()]
+    assert max(ways) < 0.04, ways

@@ -94,11 +94,9 @@ class AngleWriter(JointWriter):
         groups: dict[float, list[str]] = {}
         for joint in angles:
             groups.setdefault(min(self._shares.get(joint, 1.0), exchange.options.fraction), []).append(joint)
-        *others, last = ((names, [angles[name] for name in names], share) for share, names in groups.items())
-        for each in others:
-            exchange.post_motion("setAngles", *each)
         # The answer to the last one tells that the robot keeps up.
-        exchange.call(ANGLES, exchange.motion, "setAngles", *last)
+        for share, names in groups.items():
+            exchange.call(ANGLES, exchange.motion, "setAngles", names, [angles[name] for name in names], share)
         self.trace.write(now, angles.items())
 
     def hold(self, places: Mapping[str, float]) -> None:

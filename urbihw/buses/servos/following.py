@@ -200,6 +200,12 @@ class ServoFollower:
 
     def _look_for_pull(self, goal: float, place: float, error: float, pull: float) -> None:
         """Tell a weight that is new from a hand, when the shaft gives way by more than its lead."""
+        prop = self._prop
+        if prop is not None and prop.side * (prop.goal - goal) > ROUNDING:
+            # A movement has brought the goal nearer: that one holds the shaft, and only its lowering would tell. What
+            # the shaft carried before something pulled it away is in doubt, too.
+            self._prop = _Prop(goal, prop.side, place, self._read_at)
+            self.carried = min(max(self.carried, -self._lead), self._lead)
         unknown = pull - self.carried
         let_go = unknown * self.speed > 0 and self._is_too_fast()
         if self._prop is not None and self._prop.is_tested and not let_go:
@@ -244,10 +250,15 @@ class ServoFollower:
         is_tested = self._prop is not None and self._prop.is_tested
         return self._stands and (is_tested or away >= max(0.9 * least, MOVED))
 
-    def rest(self, place: float) -> float:
-        """Return the goal with which a shaft at `place` stays there: one that gives way keeps the goal that it has."""
-        gives_way = self._prop is not None and self.disturbed_since is not None
-        return self._prop.goal if self._prop is not None and gives_way else place + self.carried
+    def rest(self, place: float, goal: float | None) -> float:
+        """Return the goal with which a shaft at `place` stays there: one that gives way keeps the goal that it has.
+
+        `goal` is the last one sent to the servo, None if it is unknown; a movement may have left the propped one.
+        """
+        prop = self._prop
+        if prop is None or self.disturbed_since is None:
+            return place + self.carried
+        return prop.goal if goal is None or prop.side * (goal - prop.goal) > 0 else goal
 
     def reach(self, place: float, age: float, pace: float, push: float = BREAKAWAY) -> tuple[float, float]:
         """Return the lowest and the highest goal for a shaft that was at `place` some seconds ago.

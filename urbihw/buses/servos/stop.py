@@ -214,7 +214,8 @@ def _hold_goal(member: Member, now: float) -> dict[str, int]:
     """Return the targets that hold a joint where it is, and record its goal."""
     if member.place is None:
         return {}
-    return member.hold_at(_within_limits(member, round(member.follower.rest(member.place))), now)
+    rest = member.follower.rest(member.place, member.goal)
+    return member.hold_at(_within_limits(member, round(rest)), now)
 
 
 def _within_limits(member: Member, place: int) -> int:

@@ -429,7 +429,8 @@ class P3dx(ArcosRobot):
         self.channel.write(GRIPPER, "action", code, self.warn_on_failure("gripper"), origin)
 
     def check_motors(self) -> None:
-        """Raise ValueError while the motors are off."""
+        """Raise MovementRefused under an emergency stop, which keeps the motors off; ValueError while they are off."""
+        self.motion.check_device(ROBOT)
         if off := self.explain_off():
             raise ValueError(off)
 

@@ -159,9 +159,16 @@ class ServoBusDevice(UObject):
 
     def write_setting(self, row: RegisterSlot, raw: int) -> None:
         """Write a setting with the next tick; override to refuse."""
-        self.settings[row.item] = raw
+        self.set_setting(row.item, raw)
         self.show_wanted(row.item, raw)
-        self.channel.set_target(self.number, row.item, raw)
+
+    def set_setting(self, item: str, raw: int) -> None:
+        """Send a setting with the next tick, and keep it for a device that forgets it; nothing that moves the device.
+
+        Override for registers that move it in another mode: their writes carry an origin.
+        """
+        self.settings[item] = raw
+        self.channel.set_target(self.number, item, raw)
 
     def _write_setting_confirmed(self, row: RegisterSlot, raw: int) -> None:
         self.settings[row.item] = raw
@@ -329,7 +336,7 @@ class ServoBusDevice(UObject):
     def restore(self) -> None:
         """Write the settings of urbiscript again, since the device may have lost power; nothing that moves it."""
         for item, raw in self.restorable_settings().items():
-            self.channel.set_target(self.number, item, raw)
+            self.set_setting(item, raw)
         self.start_reading()
 
     def restorable_settings(self) -> dict[str, int]:

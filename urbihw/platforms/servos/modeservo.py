@@ -217,14 +217,25 @@ class ModeServo(ServoMotor):
     def on_all_read(self) -> None:
         """Restore what does not drive it in the mode that has just been read."""
         super().on_all_read()
-        for item, raw in self.settings.items():
+        for item, raw in list(self.settings.items()):
             if item in self._dual_items and not self._drives(item):
-                self.channel.set_target(self.number, item, raw)
+                self.set_setting(item, raw)
+
+    def set_setting(self, item: str, raw: int) -> None:
+        """An effort carries an origin: the servo keeps it, and in another mode it would drive the servo."""
+        if item not in self._dual_items:
+            super().set_setting(item, raw)
+            return
+        self.settings[item] = raw
+        self.channel.set_target(self.number, item, raw, self.motion.origin())
 
     def write_setting(self, row: slots.RegisterSlot, raw: int) -> None:
         """Refuse the torque limit in the mode "pwm", where its register drives the servo."""
         if row.name == "torqueLimit" and self._drives(row.item):
             raise ValueError(f"in this mode it drives the servo: write goalPwm of motor{self.number}")
+        if row.item in self._dual_items:
+            self.motion.check()
+            self.motion.check_device(self.number)
         super().write_setting(row, raw)
 
     # ---------------------------------------------------------------- alarms

@@ -248,7 +248,9 @@ class ServoMotor(ServoBusDevice, EffectorDevice):
         drives = self.mode_read is not None and self.mode_read.effector == row.item
         if math.isfinite(limits.torque) and not drives:
             # An alarm sets the register to 0; that is not a limit that a program has written.
-            self.write_setting(row, min(strongest, self.settings.get(row.item) or self.raw.get(row.item) or strongest))
+            most = min(strongest, self.settings.get(row.item) or self.raw.get(row.item) or strongest)
+            self.show_wanted(row.item, most)
+            self.set_setting(row.item, most)
         table = table | made.torque_limits(row.item, strongest, drives)
         return table, made.thresholds(row.item, strongest, drives)
 
@@ -305,8 +307,7 @@ class ServoMotor(ServoBusDevice, EffectorDevice):
         raw = wanted or 0
         raw = raw if most is None else min(raw or most, most)
         if self.settings.get(item) != raw or raw == wanted:
-            self.settings[item] = raw
-            self.channel.set_target(self.number, item, raw)
+            self.set_setting(item, raw)
 
     @property
     def joint_speed_item(self) -> str:
@@ -498,7 +499,11 @@ class ServoMotor(ServoBusDevice, EffectorDevice):
         for slot, write in self.effector_writers().items():
             origin = deferred.get(slot)
             if origin is not None and self.motion.is_live(origin, self.number):
-                write(origin)
+                try:
+                    write(origin)
+                except ValueError as error:
+                    # Its statement has ended, and no one waits for the error.
+                    self.motion.warn(origin, f"{slot} of motor {self.number} not written: {error}")
 
     def _update_limits(self, stamp: float) -> None:
         if any(item not in self.raw for item in (*self.table.mode_items, *self.limits)):

@@ -482,7 +482,7 @@ class ServoRobot(WiredRobot):
         elif message.what == "relaxed":
             motor.mark_released()
         elif message.what == "halted":
-            self.log.warning("%s: it was stopped", message.value)
+            self.log.warning("%s: its movements are over", message.value)
             self.guard.end_movements(message.device, message.value)
             # Targets may have been on their way.
             self.worker.send(m.Stop(self.motion.epoch, message.value, (message.device,)))

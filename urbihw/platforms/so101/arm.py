@@ -63,8 +63,7 @@ class GripperServo(ModeServo):
         """Lower the torque limit of the RAM at once: the servo takes that of the EEPROM at power-on only."""
         most = GRIPPER_GUARDS["max_torque"]
         if raw > most:
-            self.settings[_TORQUE_LIMIT] = most
-            self.channel.set_target(self.number, _TORQUE_LIMIT, most)
+            self.set_setting(_TORQUE_LIMIT, most)
 
     def _guard(self, item: str, most: int, raw: int, stamp: float) -> None:
         """Write a register of the EEPROM that allows too much; the servo takes it while its torque is off only."""
