@@ -62,6 +62,17 @@ def test_nothing_is_written_if_one_of_the_slots_does_not_exist() -> None:
     assert lab.bend("shoulder_pan") == pytest.approx(0, abs=0.002)
 
 
+def test_a_device_is_not_hidden_by_a_number() -> None:
+    """``robot.write(dict(zip(robot.joints, ...)))`` made variables of the connection that hid the joints."""
+    lab = Lab.ready()
+    lab.say("motors.load = 1;", 0.1)
+    told = write(lab, '["shoulder_pan"], [0.3]')
+    assert "shoulder_pan is a device: write one of its slots, such as shoulder_pan.val" in told
+    (line,) = lab.say('lobby.answerSet("c", "shoulder_pan", 0.3),').splitlines()
+    assert "is a device" in line
+    assert write(lab, '["shoulder_pan.val"], [0.3]', 1.5) == '["", [[0.3, ""]]]'
+
+
 def test_an_emergency_stop_refuses_it() -> None:
     lab = Lab.ready()
     lab.say("motors.load = 1; so101.estop = true;", 0.1)

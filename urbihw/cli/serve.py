@@ -51,7 +51,10 @@ def load_settings(options: argparse.Namespace) -> Loaded:
     """The settings that the options ask for.  Raises BadConfig."""
     made = load_faultless(options.config, flags(options))
     if not made.config.platform:
-        raise BadConfig(f"which robot? Give --platform NAME ({as_typed('urbihw platforms')} lists them)")
+        lists = f"({as_typed('urbihw platforms')} lists them)"
+        if options.config:
+            raise BadConfig(f"{options.config}: no robot is named: add platform = \"NAME\" {lists}")
+        raise BadConfig(f"which robot? Give --platform NAME {lists}")
     return made
 
 

@@ -302,7 +302,9 @@ def install(world: World, programs: Any) -> None:
         """Write a slot by its path, such as ``motor6.val``, and send ``["", nil]`` or the error on a channel."""
         text = '["stopped"]'
         try:
-            assign, _ = assignment(this, path)
+            assign, steps = assignment(this, path)
+            if len(steps) == 1:
+                refuse_device(this, steps, path)
             with _Answering(world, this, channel):
                 world.invoke(assign, this, (value,))
                 text = '["", nil]'
@@ -317,7 +319,14 @@ def install(world: World, programs: Any) -> None:
         holder = make_reader(world, this, steps[:-1])()
         if steps[-1].index is None and world.peek_obj(holder).find(steps[-1].name) is None:
             raise errors.LookupFailed(steps[-1].name, holder)
+        refuse_device(holder, steps, path)
         return assign, holder
+
+    def refuse_device(holder: Value, steps: list[PathStep], path: str) -> None:
+        """Raise an urbiscript error if a path names a device, which a value would hide from this connection."""
+        found = None if steps[-1].index is not None else world.peek_obj(holder).find(steps[-1].name)
+        if found is not None and isinstance(getattr(found.slots[steps[-1].name], "kind", None), type):
+            raise errors.primitive(f"{path} is a device: write one of its slots, such as {path}.val")
 
     @table.primitive("answerWrites")
     def answer_writes(world: World, this: Value, channel: str, paths: List, values: List) -> None:

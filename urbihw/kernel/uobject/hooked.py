@@ -305,10 +305,14 @@ class Hooked(Executable):
         return value
 
     def _explain_limit(self, wanted: Any, value: Any) -> None:
-        """Advise a client that has probably written degrees: once, since a program may write again and again."""
+        """Advise a client that has probably written degrees: once, since a program may write again and again.
+
+        Degrees have few decimals; ``500deg`` has many, in rad.
+        """
         unit = (self._meta.properties or {}).get("unit")
         job = self.world.scheduler.current
-        if getattr(unit, "s", "") == "rad" and abs(wanted) > math.tau and job is not None and job.context is not None:
+        is_degrees = getattr(unit, "s", "") == "rad" and abs(wanted) > math.tau and wanted == round(wanted, 1)
+        if is_degrees and job is not None and job.context is not None:
             text = f"{wanted:g} is in rad, and was limited to {value:g}: write {wanted:g}deg for degrees"
             job.context.advise_once("degrees", text)
 
