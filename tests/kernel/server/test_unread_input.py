@@ -8,9 +8,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby
-from urbihw.kernel.server.connection import MAX_PENDING_INPUT
+from urbihw.kernel.server.connection import MAX_PENDING_INPUT, LobbyConnection
 from urbihw.kernel.server.loop import LoopDriver
 from urbihw.kernel.server.tcp import Server
 
@@ -23,10 +25,12 @@ class Client:
         self.scheduler = kernel.scheduler
         (self.lobby,) = kernel.programs.lobbies
         self.got: list[tuple[bytes, int]] = []
+        self.sizes: list[int] = []
         feed = self.lobby.input_handler
 
         def hear(data: bytes, ordered: int) -> None:
             self.got.append((data[-8:], ordered))
+            self.sizes.append(len(data))
             feed(data, ordered)
 
         self.lobby.input_handler = hear
@@ -79,10 +83,38 @@ def test_what_has_arrived_unread_is_of_the_era_in_which_it_arrived(tmp_path: Pat
     play(tmp_path / "socket", scene)
 
 
+def test_what_a_client_has_sent_before_it_was_accepted_is_of_that_era(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A neighbour that holds the interpreter lets it wait in the backlog, with its text."""
+    path = tmp_path / "socket"
+    heard: list[tuple[bytes, int | None]] = []
+    feed = LobbyConnection._feed
+
+    def hear(connection: LobbyConnection, lobby: Lobby, data: bytes) -> None:
+        heard.append((data, connection._older))
+        feed(connection, lobby, data)
+
+    async def scene(client: Client) -> None:
+        monkeypatch.setattr(LobbyConnection, "_feed", hear)
+        with socket.socket(socket.AF_UNIX) as other:
+            other.connect(str(path))
+            other.sendall(b"before;\n")  # the loop does not run between this and the next line
+            era = client.scheduler.begin_era()
+            await client.until(lambda: len(heard) == 1)
+            other.sendall(b"behind;\n")
+            await client.until(lambda: len(heard) == 2)
+        assert heard == [(b"before;\n", era - 1), (b"behind;\n", None)]
+
+    play(path, scene)
+
+
 def test_what_a_client_has_sent_that_is_not_read_is_of_the_era_in_which_it_sent_it(tmp_path: Path) -> None:
     async def scene(client: Client) -> None:
         line = b"/*" + b"x" * 4000 + b"*/ 1;\n"
-        rest = memoryview(b"sleep(0.3s);\n" + line * (3 * MAX_PENDING_INPUT // len(line)))
+        gate = b"var Global.go = Event.new|; waituntil (go?);\n"
+        text = gate + line * (3 * MAX_PENDING_INPUT // len(line))
+        rest = memoryview(text)
         client.end.setblocking(False)
         began = client.scheduler.era
 
@@ -95,12 +127,19 @@ def test_what_a_client_has_sent_that_is_not_read_is_of_the_era_in_which_it_sent_
             return not rest
 
         await client.until(send_all)
+        sent = len(text) - len(rest)
+        assert sent > sum(client.sizes)
         client.scheduler.begin_era()
-        await client.until(lambda: send_all() and not rest and not client.lobby.shell.waiting)
-        assert {ordered for _, ordered in client.got} == {began}
+        with socket.socket(socket.AF_UNIX) as other:
+            other.connect(client.end.getpeername())
+            other.sendall(b"go!;\n")
+            await client.until(lambda: send_all() and not rest and not client.lobby.shell.waiting)
+        eras = [ordered for _, ordered in client.got]
+        assert eras == sorted(eras)
+        assert sum(client.sizes[: eras.count(began)]) >= sent
         # It has caught up: what comes now is new.
-        client.end.send(b"1;\n")
-        await client.until(lambda: client.got[-1][0] == b"1;\n")
+        client.end.send(b"8;\n")
+        await client.until(lambda: client.got[-1][0].endswith(b"8;\n"))
         client.end.send(b"2;\n")
         await client.until(lambda: client.got[-1] == (b"2;\n", began + 1))
 

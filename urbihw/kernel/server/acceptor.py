@@ -126,8 +126,13 @@ class Acceptor:
         listener.listen(BACKLOG)
         self._loop.add_reader(listener.fileno(), self._accept)
 
-    def _accept(self) -> None:
-        for _ in range(MAX_ACCEPTS_PER_TURN):
+    def accept_waiting(self) -> None:
+        """Accept all who wait, now."""
+        if self._pause is None and not self._closed:
+            self._accept(BACKLOG)
+
+    def _accept(self, most: int = MAX_ACCEPTS_PER_TURN) -> None:
+        for _ in range(most):
             try:
                 connection, _address = self._listener.accept()
             except (BlockingIOError, InterruptedError):

@@ -176,6 +176,10 @@ class LobbyConnection(asyncio.Protocol):
         if self._older is not None and not self._floods and not unread_size(self.raw):
             self._older = None
 
+    def begin_older(self, era: int) -> None:
+        """What has arrived before this connection began belongs to an era that has ended."""
+        self._older = era
+
     def end_era(self) -> None:
         """The present era ends: bytes that are not read yet belong to it, and so does what a client has sent that is
         not read because it sends too much."""

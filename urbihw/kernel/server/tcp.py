@@ -18,7 +18,7 @@ from typing import Final
 
 from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.server.acceptor import Acceptor, bind, bind_unix, release_socket
-from urbihw.kernel.server.connection import LobbyConnection, peer_of
+from urbihw.kernel.server.connection import LobbyConnection, peer_of, unread_size
 from urbihw.kernel.server.disconnects import DisconnectWatcher
 from urbihw.kernel.server.handshake import HandshakeFactory, HandshakeRefusal, PlainHandshake, line
 from urbihw.kernel.server.loop import LoopDriver
@@ -81,6 +81,8 @@ class Server:
         self._acceptors: list[Acceptor] = []
         self._arriving: set[asyncio.Task[bool]] = set()
         self._expected: set[socket.socket] = set()
+        self._eras: dict[socket.socket, int] = {}
+        """Of connections that begin: the era that ended while they held unread bytes."""
         self._disconnect_watcher: DisconnectWatcher | None = None
         self._loop = asyncio.get_running_loop()
         driver.scheduler.add_round_hook(self._round_over)
@@ -152,6 +154,7 @@ class Server:
         def arrived(done: asyncio.Task[bool]) -> None:
             self._arriving.discard(done)
             self._expected.discard(raw)
+            self._eras.pop(raw, None)
             if done.cancelled():
                 raw.close()
             if done.cancelled() or not done.result():
@@ -198,6 +201,9 @@ class Server:
         """Add a connection that has begun."""
         self._expected.discard(connection.raw)
         self.connections[connection] = None
+        era = self._eras.pop(connection.raw, None)
+        if era is not None:
+            connection.begin_older(era)
 
     def admit_authenticated(self, connection: LobbyConnection) -> bool:
         """Count an authenticated TLS connection as a client.  Refuses it and returns False if there are too many."""
@@ -246,8 +252,14 @@ class Server:
         return wanted
 
     def _end_era(self) -> None:
+        """What has been sent until now belongs to the era that ends, also by clients that wait to be accepted."""
+        for acceptor in self._acceptors:
+            acceptor.accept_waiting()
         for connection in self.connections:
             connection.end_era()
+        for raw in self._expected:
+            if unread_size(raw):
+                self._eras.setdefault(raw, self.driver.scheduler.era)
 
     def _round_over(self) -> None:
         while self._dirty:
