@@ -64,6 +64,42 @@ def test_text_behind_a_release_is_ordered_with_it() -> None:
     assert horn(lab, 1.0) > 20
 
 
+OWN_RELEASES = {
+    "detached": "detach({ sleep(1s); bioloid.estop = true; sleep(1s); bioloid.estop = false });",
+    "in the background": "sleep(1s) | bioloid.estop = true | sleep(1s) | bioloid.estop = false,",
+    "at": "var Global.t = 0|; at (t == 1) bioloid.estop = true; at (t == 2) bioloid.estop = false;"
+    " detach({ sleep(1s); Global.t = 1; sleep(1s); Global.t = 2 });",
+}
+
+
+@pytest.mark.parametrize("how", OWN_RELEASES)
+def test_a_release_in_the_background_orders_no_text_that_was_sent_before(how: str) -> None:
+    lab = small_lab()
+    lab.say(OWN_RELEASES[how], 0.3)
+    lab.say("sleep(3s); motor6.val = 1;", 0.1)
+    lab.run(1.2)
+    assert lab.look("bioloid.estop") == "true"
+    assert horn(lab, 3.0) < 1
+    assert lab.look("bioloid.estop") == "false"
+    lab.say("motor6.val = 1;")
+    assert horn(lab, 1.0) > 20
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "bioloid.estop = false, motor6.val = 1;",
+        "{ bioloid.estop = false & sleep(0.1s) }; motor6.val = 1;",
+        "bioloid.estop = true; sleep(0.3s); bioloid.estop = false; motor6.val = 1;",
+    ],
+)
+def test_text_behind_the_statement_that_releases_is_ordered_with_it(text: str) -> None:
+    lab = small_lab()
+    press(lab)
+    lab.say(text)
+    assert horn(lab, 1.5) > 20
+
+
 def test_text_that_waits_does_not_release_the_stop_of_another_press() -> None:
     """Not even that of the same person, who has pressed beside the interpreter."""
     lab = small_lab()

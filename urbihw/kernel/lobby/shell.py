@@ -236,6 +236,8 @@ class Shell:
         """Whether the statement in the foreground goes on for ever, if nothing ends it."""
         self._open = True
         self._job = self._scheduler.spawn(self._run, name, context=lobby)
+        self._last = self._job
+        """The job of the statement that was begun last: what is pending stands behind that one."""
 
     def feed(self, data: bytes, ordered: int) -> None:
         """Handle bytes that were ``ordered`` then (``Job.ordered``), by the client or by a program.
@@ -260,8 +262,15 @@ class Shell:
         self._is_endless = False
         self._lobby.advise("this waits: every and loop never end; Ctrl-C ends them, a comma behind them lets go on")
 
-    def order_anew(self, since: int) -> None:
-        """Let pending input that was ordered at ``since`` or later count as ordered now."""
+    def order_anew(self, job: Job, since: int) -> None:
+        """A job has released an emergency stop: let the pending input behind its statement count as ordered now, if it
+        was ordered at ``since`` or later.
+
+        No input stands behind a program that has gone on in the background: what is pending may have been sent before
+        the stop, and not with its release in mind.
+        """
+        if not job.is_part_of(self._last):
+            return
         now = self._scheduler.era
         self._arrivals.renew(since, now)
         self._items = deque((item, renewed(ordered, since, now)) for item, ordered in self._items)
@@ -434,7 +443,11 @@ class Shell:
 
         job = self._scheduler.spawn(run, self.next_name(), context=lobby)
         job.begin_statement(ordered)
-        self._scheduler.start_now(job)
+        self._last = job
+        try:
+            self._scheduler.start_now(job)
+        finally:
+            self._last = self._job
 
 
 def report_failure(job: Job, error: Exception) -> None:

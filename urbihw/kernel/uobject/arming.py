@@ -87,14 +87,14 @@ class Arming:
         self._set_since(0)
 
     def order_anew(self) -> None:
-        """Let the running statement count as ordered now, with what its client has sent since: it has released the
+        """Let the running statement count as ordered now, with what its client has sent behind it: it has released the
         emergency stop itself."""
         job = self._world.scheduler.current
         if job is not None:
             since = job.ordered
             job.begin_statement()
             if job.context is not None:
-                job.context.shell.order_anew(since)
+                job.context.shell.order_anew(job, since)
 
     def check(self, job: Job) -> None:
         """Raise MovementRefused for a job that was ordered before the release, and warn its client, even if it catches
