@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import logging
+import re
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
@@ -39,9 +40,9 @@ if TYPE_CHECKING:
 log = logging.getLogger("urbihw.kernel")
 
 HELPLESS = frozenset([b"", b"exit", b"quit", b"bye", b"help", b"?"])
-"""Lines of somebody who does not see why nothing is answered."""
-ENDLESS = ("every", "loop")
-"""How a statement begins that goes on for ever."""
+"""Lines of somebody who does not see why nothing is answered; an empty one of a client with a lease is none."""
+ENDLESS = re.compile(r"(every|loop)\b")
+"""The word that begins a statement which goes on for ever."""
 PIECES_PER_STEP = 16
 """Number of pieces of a long chain that are run at once; half a millisecond of work."""
 
@@ -244,7 +245,8 @@ class Shell:
 
         Short input is read at once, unless other input is pending.
         """
-        if self._is_endless:
+        line = data.strip()
+        if self._is_endless and line:
             self._explain_wait()
         if self._input or self._items or self._reader.pending + len(data) > MAX_SHORT_TEXT:
             self._input += data
@@ -254,7 +256,7 @@ class Shell:
         self._read(data, ordered)
         if self._items:
             self._more.wake_one()
-        elif data.strip() in HELPLESS:
+        elif line in HELPLESS and (line or not self._lobby.lease.seconds):  # with a lease, it is a sign of life
             self._lobby.advise(self._reader.describe_rest())
 
     def _explain_wait(self) -> None:
@@ -398,7 +400,7 @@ class Shell:
         self._job.begin_statement(ordered)
         scope = lobby.tag.open()
         variables = len(lobby.slots)
-        self._is_endless = statement.text.startswith(ENDLESS)
+        self._is_endless = ENDLESS.match(statement.text) is not None
         try:
             scope.enter()
             self.show(lobby.programs.function(statement)(lobby))
