@@ -8,11 +8,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby
+from urbihw.kernel.runtime.code import Primitive
 from urbihw.kernel.server.connection import MAX_PENDING_INPUT
 from urbihw.kernel.server.loop import LoopDriver
 from urbihw.kernel.server.tcp import Server
+from urbihw.kernel.uobject.arming import Arming
 
 
 class Client:
@@ -75,6 +79,31 @@ def test_what_has_arrived_unread_is_of_the_era_in_which_it_arrived(tmp_path: Pat
         client.end.sendall(b"behind;\n")
         await client.until(lambda: len(client.got) == 3)
         assert client.got == [(b"1;\n", era - 1), (b"before;\n", era - 1), (b"behind;\n", era + 1)]
+
+    play(tmp_path / "socket", scene)
+
+
+@pytest.mark.parametrize(("text", "ordered_with_it"), [("frees();", True), ("detach({ frees() });", False)])
+def test_what_has_arrived_behind_a_release_is_ordered_with_it(
+    tmp_path: Path, text: str, ordered_with_it: bool
+) -> None:
+    async def scene(client: Client) -> None:
+        world = client.lobby.world
+        arming = Arming(world, "robot")
+
+        def free(this: Any) -> Any:
+            client.end.sendall(b"behind;\n")  # the loop does not run between this and the release
+            arming.release()
+            arming.order_anew()
+            return world.void
+
+        client.lobby.slots["frees"] = Primitive(world, "frees", free, 0, 0)
+        client.end.sendall(text.encode())
+        await client.until(lambda: len(client.got) == 2)
+        assert client.got[1] == (b"behind;\n", client.scheduler.era - (not ordered_with_it))
+        client.end.sendall(b"then;\n")
+        await client.until(lambda: len(client.got) == 3)
+        assert client.got[2] == (b"then;\n", client.scheduler.era)
 
     play(tmp_path / "socket", scene)
 
