@@ -9,6 +9,9 @@ import pytest
 from bioloid_lab import BAUD, Lab
 from test_release import FarDevice, horn, press, release
 
+from urbihw.kernel import Kernel
+from urbihw.kernel.sched.clock import SimClock
+from urbihw.kernel.uobject.arming import Arming
 from urbihw_fakes.bioloid import Bioloid as Kit
 
 MOVE = "try { motor6.val = 1 } catch {};"
@@ -160,3 +163,27 @@ def test_programs_that_have_ended_do_not_want_to_move() -> None:
     lab.say("t.stop;")
     lab.run(25.0)
     assert lab.look("robot.problems") == "[]"
+
+
+def test_presses_of_clients_that_have_gone_do_not_pile_up() -> None:
+    kernel = Kernel(SimClock())
+    arming = Arming(kernel.world, "robot")
+    for _ in range(20):
+        lobby = kernel.open_lobby()
+        arming.press("anna", lobby)
+        lobby.close()
+        assert len(arming._presses) <= 2
+
+
+def test_what_was_begun_before_the_press_of_a_client_that_has_gone_does_not_release_it() -> None:
+    lab = small_lab()
+    lab.say("sleep(2s); bioloid.estop = false;", 0.1)
+    for _ in range(3):
+        other = lab.kernel.open_lobby()
+        lab.kernel.feed(other, b"bioloid.estop = true;")
+        lab.run(0.1)
+        other.close()
+    lab.run(3.0)
+    assert lab.look("bioloid.estop") == "true"
+    lab.say("bioloid.estop = false;")
+    assert lab.look("bioloid.estop") == "false"
