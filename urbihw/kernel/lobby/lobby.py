@@ -88,9 +88,9 @@ class Lobby(Obj):
         self.user = ""
         """The name of the user who presented a token, "" without access control."""
         self.label = ""
+        """The name that the client has given to the connection, "" for none."""
         self._advised: set[str] = set()
         """The subjects of the advice that this connection was given once."""
-        """The name that the client has given to the connection, "" for none."""
         name = programs.lobby_name()
         self.tag = ConnectionTag(world, name)
         self.slots["connectionTag"] = self.tag
