@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 log = logging.getLogger("urbihw.kernel")
 
 HELPLESS = frozenset([b"", b"exit", b"quit", b"bye", b"help", b"?"])
-"""Lines of somebody who does not see why nothing is answered; an empty one of a client with a lease is none."""
+"""Lines of somebody who does not see why nothing is answered; with a lease, an empty line keeps it."""
 ENDLESS = re.compile(r"(every|loop)\b")
 """The word that begins a statement which goes on for ever."""
 PIECES_PER_STEP = 16
