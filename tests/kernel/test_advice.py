@@ -105,6 +105,13 @@ def say(text: str, quiet: bool = False) -> list[str]:
     return [line.partition("] ")[2] for line in lobby.output.take_bytes().decode("latin-1").splitlines()]
 
 
+def beginner() -> tuple[Kernel, Lobby]:
+    """A kernel that gives advice, and a new connection."""
+    kernel = shared_kernel()
+    kernel.programs.quiet = False
+    return kernel, kernel.open_lobby()
+
+
 @pytest.mark.parametrize("typed", CASES)
 def test_a_mistake_is_followed_by_one_hint(typed: str) -> None:
     said = say(typed)
@@ -140,8 +147,7 @@ def test_other_errors_have_none(typed: str) -> None:
     ],
 )  # fmt: skip
 def test_who_waits_in_vain_for_an_answer_hears_why(lines: tuple[str, ...], told: str) -> None:
-    kernel = shared_kernel()
-    lobby = kernel.open_lobby()
+    kernel, lobby = beginner()
     kernel.run()
     lobby.output.take_bytes()
     for line in lines:
@@ -151,6 +157,56 @@ def test_who_waits_in_vain_for_an_answer_hears_why(lines: tuple[str, ...], told:
     lobby.close()
     assert said.splitlines()[-1].partition("hint: ")[2] == told if told else "hint" not in said
     assert said.count("every and loop") <= 1
+
+
+@pytest.mark.parametrize("typed", ["", "every (1s) 1;", "if (true) {", "var a = 3", 'echo("hi'])
+def test_signs_of_life_of_a_lease_are_not_answered(typed: str) -> None:
+    kernel, lobby = beginner()
+    kernel.feed(lobby, b"lobby.lease = 2s|;")
+    kernel.feed(lobby, typed.encode() + b"\n")
+    kernel.run()
+    lobby.output.take_bytes()
+    for empty in (b"\n", b"\r\n", b"\n\n"):
+        kernel.feed(lobby, empty)
+    kernel.run()
+    said = lobby.output.take_bytes()
+    kernel.feed(lobby, b"exit\n")
+    kernel.run()
+    told = lobby.output.take_bytes()
+    lobby.close()
+    assert said == b""
+    assert b"hint: " in told  # a line that somebody types is answered as before
+
+
+@pytest.mark.parametrize("lease", ["0", "2s"])
+def test_an_empty_line_does_not_hear_that_a_loop_goes_on(lease: str) -> None:
+    kernel, lobby = beginner()
+    kernel.feed(lobby, f"lobby.lease = {lease}|; loop {{ sleep(1s) }};".encode())
+    kernel.run()
+    lobby.output.take_bytes()
+    kernel.feed(lobby, b"\n")
+    kernel.run()
+    said = lobby.output.take_bytes()
+    lobby.close()
+    assert said == b""
+
+
+@pytest.mark.parametrize(
+    ("text", "endless"),
+    [("loopback", False), ("everyone", False), ("loop_1", False), ("every(1s) 1", True), ("every| (1s) 1", True),
+     ("loop{ sleep(1s) }", True), ("loop sleep(1s)", True)],
+)  # fmt: skip
+def test_only_every_and_loop_go_on_for_ever(text: str, endless: bool) -> None:
+    kernel, lobby = beginner()
+    for name in ("loopback", "everyone", "loop_1"):
+        kernel.feed(lobby, f"var lobby.{name} = 1|;".encode())
+    kernel.feed(lobby, f"{text}| sleep(1s);".encode())
+    kernel.run()
+    lobby.output.take_bytes()
+    kernel.feed(lobby, b"2;\n")
+    said = lobby.output.take_bytes()
+    lobby.close()
+    assert (b"this waits" in said) == endless
 
 
 def test_typographic_quotes_are_one_error() -> None:

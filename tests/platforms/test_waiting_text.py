@@ -9,6 +9,9 @@ import pytest
 from bioloid_lab import BAUD, Lab
 from test_release import FarDevice, horn, press, release
 
+from urbihw.kernel import Kernel
+from urbihw.kernel.sched.clock import SimClock
+from urbihw.kernel.uobject.arming import Arming
 from urbihw_fakes.bioloid import Bioloid as Kit
 
 MOVE = "try { motor6.val = 1 } catch {};"
@@ -62,6 +65,42 @@ def test_text_behind_a_release_is_ordered_with_it() -> None:
     press(lab)
     lab.say("bioloid.estop = false;\n" + "1 | 2 | 3;\n" * 2000 + "motor6.val = 1;")
     assert horn(lab, 1.0) > 20
+
+
+OWN_RELEASES = {
+    "detached": "detach({ sleep(1s); bioloid.estop = true; sleep(1s); bioloid.estop = false });",
+    "in the background": "sleep(1s) | bioloid.estop = true | sleep(1s) | bioloid.estop = false,",
+    "at": "var Global.t = 0|; at (t == 1) bioloid.estop = true; at (t == 2) bioloid.estop = false;"
+    " detach({ sleep(1s); Global.t = 1; sleep(1s); Global.t = 2 });",
+}
+
+
+@pytest.mark.parametrize("how", OWN_RELEASES)
+def test_a_release_in_the_background_orders_no_text_that_was_sent_before(how: str) -> None:
+    lab = small_lab()
+    lab.say(OWN_RELEASES[how], 0.3)
+    lab.say("sleep(3s); motor6.val = 1;", 0.1)
+    lab.run(1.2)
+    assert lab.look("bioloid.estop") == "true"
+    assert horn(lab, 3.0) < 1
+    assert lab.look("bioloid.estop") == "false"
+    lab.say("motor6.val = 1;")
+    assert horn(lab, 1.0) > 20
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "bioloid.estop = false, motor6.val = 1;",
+        "{ bioloid.estop = false & sleep(0.1s) }; motor6.val = 1;",
+        "bioloid.estop = true; sleep(0.3s); bioloid.estop = false; motor6.val = 1;",
+    ],
+)
+def test_text_behind_the_statement_that_releases_is_ordered_with_it(text: str) -> None:
+    lab = small_lab()
+    press(lab)
+    lab.say(text)
+    assert horn(lab, 1.5) > 20
 
 
 def test_text_that_waits_does_not_release_the_stop_of_another_press() -> None:
@@ -124,3 +163,27 @@ def test_programs_that_have_ended_do_not_want_to_move() -> None:
     lab.say("t.stop;")
     lab.run(25.0)
     assert lab.look("robot.problems") == "[]"
+
+
+def test_presses_of_clients_that_have_gone_do_not_pile_up() -> None:
+    kernel = Kernel(SimClock())
+    arming = Arming(kernel.world, "robot")
+    for _ in range(20):
+        lobby = kernel.open_lobby()
+        arming.press("anna", lobby)
+        lobby.close()
+        assert len(arming._presses) <= 2
+
+
+def test_what_was_begun_before_the_press_of_a_client_that_has_gone_does_not_release_it() -> None:
+    lab = small_lab()
+    lab.say("sleep(2s); bioloid.estop = false;", 0.1)
+    for _ in range(3):
+        other = lab.kernel.open_lobby()
+        lab.kernel.feed(other, b"bioloid.estop = true;")
+        lab.run(0.1)
+        other.close()
+    lab.run(3.0)
+    assert lab.look("bioloid.estop") == "true"
+    lab.say("bioloid.estop = false;")
+    assert lab.look("bioloid.estop") == "false"

@@ -12,9 +12,11 @@ import pytest
 
 from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby
+from urbihw.kernel.runtime.code import Primitive
 from urbihw.kernel.server.connection import MAX_PENDING_INPUT, LobbyConnection
 from urbihw.kernel.server.loop import LoopDriver
 from urbihw.kernel.server.tcp import Server
+from urbihw.kernel.uobject.arming import Arming
 
 
 class Client:
@@ -107,6 +109,31 @@ def test_what_a_client_has_sent_before_it_was_accepted_is_of_that_era(
         assert heard == [(b"before;\n", era - 1), (b"behind;\n", None)]
 
     play(path, scene)
+
+
+@pytest.mark.parametrize(("text", "ordered_with_it"), [("frees();", True), ("detach({ frees() });", False)])
+def test_what_has_arrived_behind_a_release_is_ordered_with_it(
+    tmp_path: Path, text: str, ordered_with_it: bool
+) -> None:
+    async def scene(client: Client) -> None:
+        world = client.lobby.world
+        arming = Arming(world, "robot")
+
+        def free(this: Any) -> Any:
+            client.end.sendall(b"behind;\n")  # the loop does not run between this and the release
+            arming.release()
+            arming.order_anew()
+            return world.void
+
+        client.lobby.slots["frees"] = Primitive(world, "frees", free, 0, 0)
+        client.end.sendall(text.encode())
+        await client.until(lambda: len(client.got) == 2)
+        assert client.got[1] == (b"behind;\n", client.scheduler.era - (not ordered_with_it))
+        client.end.sendall(b"then;\n")
+        await client.until(lambda: len(client.got) == 3)
+        assert client.got[2] == (b"then;\n", client.scheduler.era)
+
+    play(tmp_path / "socket", scene)
 
 
 def test_what_a_client_has_sent_that_is_not_read_is_of_the_era_in_which_it_sent_it(tmp_path: Path) -> None:

@@ -13,7 +13,16 @@ from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax import reader as reader_module
 from urbihw.kernel.syntax.lexer import Lexer
 from urbihw.kernel.syntax.location import Position, Span
-from urbihw.kernel.syntax.reader import Item, Statement, StatementCache, StatementReader, SyntaxProblem, parse_program
+from urbihw.kernel.syntax.reader import (
+    MOST_ADVISED,
+    Item,
+    Statement,
+    StatementCache,
+    StatementReader,
+    SyntaxProblem,
+    parse_program,
+)
+from urbihw.kernel.syntax.source import SourceText
 from urbihw.kernel.syntax.tokens import KEYWORDS, SIGNS
 
 STREAMS = [
@@ -298,3 +307,19 @@ def test_an_error_is_told_at_the_end_of_its_line_though_a_bracket_is_open() -> N
     assert reader.feed(b"); 2;\n")[1:] == []
     (statement,) = reader.feed(b"3;")
     assert isinstance(statement, Statement)
+
+
+def test_behind_the_errors_that_are_advised_the_text_is_not_joined_any_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The text of a statement may have 16 MB, and each line of it may have an error."""
+    joined: list[SourceText] = []
+
+    def text(source: SourceText) -> str:
+        joined.append(source)
+        return "int x"
+
+    monkeypatch.setattr(SourceText, "text", property(text))
+    reader = StatementReader()
+    reader.feed(b"{\n")
+    found = sum(len(reader.feed(b"int x\n")) for _ in range(100))
+    assert found >= 100
+    assert 1 <= len(joined) <= MOST_ADVISED

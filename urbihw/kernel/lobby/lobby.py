@@ -43,8 +43,8 @@ class Lobby(Obj):
     is_per_connection = True
     __slots__ = (
         "_advised", "answering", "connected", "holdings", "in_command", "input_handler", "label", "lease", "maker",
-        "on_quit", "ordered", "output", "peer", "programs", "received", "released_at", "shell", "silence", "tag",
-        "user",
+        "on_ordered_anew", "on_quit", "ordered", "output", "peer", "programs", "received", "released_at",
+        "shell", "silence", "tag", "user",
     )  # fmt: skip
 
     def __init__(
@@ -75,6 +75,9 @@ class Lobby(Obj):
         created the lobby: that is one program.  None for a client, whose statements are orders themselves."""
         self.lease = ClientLease(self)
         self.on_quit: Callable[[], None] = lambda: None
+        self.on_ordered_anew: Callable[[int], None] = lambda since: None
+        """Called when what the client has sent behind its release of an emergency stop counts as ordered now, if it
+        was sent in the era ``since`` or later: that holds for what has not been handed to ``feed`` yet, too."""
         self.peer = remote
         """The address of the client, None for none; ``remoteIP`` has the same value, but a program can change that
         slot."""
@@ -85,9 +88,9 @@ class Lobby(Obj):
         self.user = ""
         """The name of the user who presented a token, "" without access control."""
         self.label = ""
+        """The name that the client has given to the connection, "" for none."""
         self._advised: set[str] = set()
         """The subjects of the advice that this connection was given once."""
-        """The name that the client has given to the connection, "" for none."""
         name = programs.lobby_name()
         self.tag = ConnectionTag(world, name)
         self.slots["connectionTag"] = self.tag

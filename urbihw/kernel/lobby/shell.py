@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import logging
+import re
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
@@ -39,9 +40,9 @@ if TYPE_CHECKING:
 log = logging.getLogger("urbihw.kernel")
 
 HELPLESS = frozenset([b"", b"exit", b"quit", b"bye", b"help", b"?"])
-"""Lines of somebody who does not see why nothing is answered."""
-ENDLESS = ("every", "loop")
-"""How a statement begins that goes on for ever."""
+"""Lines of somebody who does not see why nothing is answered; with a lease, an empty line keeps it."""
+ENDLESS = re.compile(r"(every|loop)\b")
+"""The word that begins a statement which goes on for ever."""
 PIECES_PER_STEP = 16
 """Number of pieces of a long chain that are run at once; half a millisecond of work."""
 
@@ -236,13 +237,16 @@ class Shell:
         """Whether the statement in the foreground goes on for ever, if nothing ends it."""
         self._open = True
         self._job = self._scheduler.spawn(self._run, name, context=lobby)
+        self._last = self._job
+        """The job of the statement that was begun last: what is pending stands behind that one."""
 
     def feed(self, data: bytes, ordered: int) -> None:
         """Handle bytes that were ``ordered`` then (``Job.ordered``), by the client or by a program.
 
         Short input is read at once, unless other input is pending.
         """
-        if self._is_endless:
+        line = data.strip()
+        if self._is_endless and line:
             self._explain_wait()
         if self._input or self._items or self._reader.pending + len(data) > MAX_SHORT_TEXT:
             self._input += data
@@ -252,7 +256,7 @@ class Shell:
         self._read(data, ordered)
         if self._items:
             self._more.wake_one()
-        elif data.strip() in HELPLESS:
+        elif line in HELPLESS and (line or not self._lobby.lease.seconds):  # with a lease, it is a sign of life
             self._lobby.advise(self._reader.describe_rest())
 
     def _explain_wait(self) -> None:
@@ -260,13 +264,21 @@ class Shell:
         self._is_endless = False
         self._lobby.advise("this waits: every and loop never end; Ctrl-C ends them, a comma behind them lets go on")
 
-    def order_anew(self, since: int) -> None:
-        """Let pending input that was ordered at ``since`` or later count as ordered now."""
+    def order_anew(self, job: Job, since: int) -> None:
+        """A job has released an emergency stop: let the pending input behind its statement count as ordered now, if it
+        was ordered at ``since`` or later.
+
+        No input stands behind a program that has gone on in the background: what is pending may have been sent before
+        the stop, and not with its release in mind.
+        """
+        if not job.is_part_of(self._last):
+            return
         now = self._scheduler.era
         self._arrivals.renew(since, now)
         self._items = deque((item, renewed(ordered, since, now)) for item, ordered in self._items)
         if self._begun is not None:
             self._begun = renewed(self._begun, since, now)
+        self._lobby.on_ordered_anew(since)
 
     @property
     def waiting(self) -> int:
@@ -389,7 +401,7 @@ class Shell:
         self._job.begin_statement(ordered)
         scope = lobby.tag.open()
         variables = len(lobby.slots)
-        self._is_endless = statement.text.startswith(ENDLESS)
+        self._is_endless = ENDLESS.match(statement.text) is not None
         try:
             scope.enter()
             self.show(lobby.programs.function(statement)(lobby))
@@ -434,7 +446,11 @@ class Shell:
 
         job = self._scheduler.spawn(run, self.next_name(), context=lobby)
         job.begin_statement(ordered)
-        self._scheduler.start_now(job)
+        self._last = job
+        try:
+            self._scheduler.start_now(job)
+        finally:
+            self._last = self._job
 
 
 def report_failure(job: Job, error: Exception) -> None:

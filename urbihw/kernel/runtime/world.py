@@ -82,9 +82,9 @@ class World:
         self.devices_released: list[Callable[[Any], None]] = []
         """Called with a lobby that shall not move devices any more by what it has done until now."""
         self.holdings = Holdings()
+        """The resources of jobs without a lobby."""
         self.unheard: Callable[[str], None] = lambda line: None
         """Gets what jobs say that no connection has started: those of the files that a daemon loads."""
-        """The resources of jobs without a lobby."""
         self._parts: dict[type, Any] = {}
         """Objects of other layers that belong to this world, by class."""
         self._make_roots()

@@ -185,6 +185,13 @@ class Job:
         """This job belongs to the statement of another one, though it does not have its tags."""
         self.era, self.ordered = maker.era, maker.ordered
 
+    def is_part_of(self, statement: Job) -> bool:
+        """Whether this is the job of a statement, or one of those that it waits for."""
+        job: Job | None = self
+        while job is not None and job is not statement:
+            job = None if job.group is None else job.group.owner
+        return job is not None
+
     def renew(self) -> None:
         """Let the statement of this job count as new: this job, and those that wait for it, get the present era."""
         job: Job | None = self

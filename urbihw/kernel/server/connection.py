@@ -21,6 +21,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from urbihw.kernel.lobby.lobby import Lobby
+from urbihw.kernel.sched.arrivals import renewed
 from urbihw.kernel.server.disconnects import send_probe_byte
 from urbihw.kernel.server.handshake import Handshake, HandshakeFactory, HandshakeRefusal, line
 
@@ -93,6 +94,7 @@ class LobbyConnection(asyncio.Protocol):
                 lobby.find_maker(self.raw.getpeername()[:2])
         lobby.user = self.handshake.user
         lobby.on_quit = self._quit
+        lobby.on_ordered_anew = self._order_anew
         lobby.output.unread = self._transport.get_write_buffer_size
         lobby.output.give_up = self._does_not_read
         self.lobby = lobby
@@ -185,6 +187,12 @@ class LobbyConnection(asyncio.Protocol):
         not read because it sends too much."""
         if self._older is None and (self._paused or unread_size(self.raw)):
             self._older, self._floods = self._server.driver.scheduler.era, self._paused
+
+    def _order_anew(self, since: int) -> None:
+        """The client has released an emergency stop: bytes of the era ``since`` or a later one that are not read yet
+        stand behind the release, and belong to the present era."""
+        if self._older is not None:
+            self._older = renewed(self._older, since, self._server.driver.scheduler.era)
 
     def _pause(self) -> None:
         """Pause reading until the pending input has run.  A disconnect is noticed nevertheless."""

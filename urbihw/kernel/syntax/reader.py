@@ -211,7 +211,8 @@ class StatementReader:
                 too_much = self._too_much(tokens)
                 if not too_much:
                     if parser.problems and lexer.ends_line:
-                        self._tell(items, lexer.text, lexer.base, pace)
+                        text = lexer.text if self._looked_into < MOST_ADVISED else ""  # it may be long
+                        self._tell(items, text, lexer.base, pace)
                     return
                 self._refuse(too_much, items)
         if not lexer.is_inside and not self._pieces:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Final
 
 from urbihw.kernel import errors
@@ -52,17 +53,20 @@ class Arming:
         self.on_unarmed: Callable[[], None] = lambda: None
         self._since = 0
         """The lowest ``Job.ordered`` of what may move the robot."""
-        self._presses: list[tuple[int, str, Any]] = []
-        """The emergency stops that were pressed: in which era, whose they are, and by which client (None for others).
-        """
+        self._presses: dict[tuple[str, Any], int] = {}
+        """The last emergency stops that were pressed: whose they are, by which client (None for others and for those
+        who are gone), and in which era."""
         self._unarmed: dict[Any, UnarmedClient] = {}
         self._looking: Timer | None = None
 
     def press(self, user: str, lobby: Any = None) -> None:
         """A client, or None for anybody else, presses an emergency stop, which belongs to ``user``.  What was ordered
         before does not release it (``check_release``)."""
-        self._presses = [each for each in self._presses if each[1:] != (user, lobby)]
-        self._presses.append((self._world.scheduler.begin_era(), user, lobby))
+        era = self._world.scheduler.begin_era()
+        presses: dict[tuple[str, Any], int] = {}
+        for (whose, client), pressed in sorted(self._presses.items(), key=itemgetter(1)):
+            presses[whose, client if client is not None and client.connected else None] = pressed
+        self._presses = presses | {(user, lobby): era}
 
     def check_release(self, users: Collection[str]) -> None:
         """Raise the error for a release of the stops of these users that was ordered before they were pressed: text
@@ -70,7 +74,8 @@ class Arming:
         job = self._world.scheduler.current
         if job is None or job.context is None:
             return
-        if any(job.ordered < era for era, user, lobby in self._presses if user in users and lobby is not job.context):
+        presses = [era for (user, lobby), era in self._presses.items() if user in users and lobby is not job.context]
+        if any(job.ordered < era for era in presses):
             why = "this was begun before the emergency stop, so it does not release it: begin it again"
             raise errors.MovementRefused(f"{self._name}: {why}")
 
@@ -87,14 +92,14 @@ class Arming:
         self._set_since(0)
 
     def order_anew(self) -> None:
-        """Let the running statement count as ordered now, with what its client has sent since: it has released the
+        """Let the running statement count as ordered now, with what its client has sent behind it: it has released the
         emergency stop itself."""
         job = self._world.scheduler.current
         if job is not None:
             since = job.ordered
             job.begin_statement()
             if job.context is not None:
-                job.context.shell.order_anew(since)
+                job.context.shell.order_anew(job, since)
 
     def check(self, job: Job) -> None:
         """Raise MovementRefused for a job that was ordered before the release, and warn its client, even if it catches
