@@ -106,9 +106,20 @@ def hold_here(bus: ServoBus, member: Member) -> None:
 
 def give_back(cycle: Cycle, numbers: Iterable[int]) -> None:
     """Write what servos that are back may have forgotten; it goes before any goal. Raises LinkGone."""
-    members = [cycle.members[number] for number in numbers]
+    _write_kept(cycle.bus, [cycle.members[number] for number in numbers])
+
+
+def give_back_after_mode(bus: ServoBus, member: Member) -> None:
+    """Write what a servo of protocol 2.0 has reset by itself as its mode changed. Raises LinkGone."""
+    if member.device.protocol == 2:
+        # Targets of the old mode are no longer what the registers hold.
+        member.written.clear()
+        _write_kept(bus, [member])
+
+
+def _write_kept(bus: ServoBus, members: Iterable[Member]) -> None:
     values = {member.device.id: member.kept.given_back(member.device.mode) for member in members if member.has_motor}
-    _write(cycle.bus, members, values)
+    _write(bus, members, values)
 
 
 def execute_pending_stops(cycle: Cycle) -> None:
