@@ -177,12 +177,14 @@ def _is_on_its_way(bus: ServoBus, member: Member) -> bool:
 
 
 def _write(bus: ServoBus, members: Iterable[Member], values: Mapping[int, Mapping[str, int]]) -> None:
+    """Write values, unacknowledged, and record them: what a servo then tells of them is no sign of a start."""
     groups: dict[int, list[plan.WriteGroup]] = {}
     for member in members:
         wanted = values.get(member.device.id)
         if wanted:
             group = plan.write_runs(member.table, wanted), [(member.device.id, wanted)]
             groups.setdefault(member.device.protocol, []).append(group)
+            member.kept.record(member.table, member.device.mode, wanted)
     packets = b"".join(each for protocol, one in groups.items() for each in plan.sync_writes(protocol, one))
     if packets:
         for _ in range(_REPEATS):
