@@ -12,7 +12,7 @@ import pytest
 from bioloid_lab import BAUD, Lab
 
 from urbihw.buses import messages as m
-from urbihw.platforms.latches import LatchView
+from urbihw.buses.latch_view import LatchView
 from urbihw_fakes.bioloid import Bioloid as Kit
 
 

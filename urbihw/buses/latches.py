@@ -1,7 +1,7 @@
 """Who holds a robot by an emergency stop: what a press and a release make of the latches.
 
 Worker and daemon share these rules.  The daemon knows at once what its own orders will do, and the worker, which has
-the last word, reports later (``urbihw.platforms.latches``).
+the last word, reports later (``urbihw.buses.latch_view``).
 """
 
 from __future__ import annotations

@@ -12,11 +12,11 @@ from collections.abc import Callable, Hashable
 from typing import Any, Final
 
 from urbihw.buses import messages as m
+from urbihw.buses.latch_view import LatchOrder, LatchView
 from urbihw.control_address import local_user
 from urbihw.kernel.uobject import DevicePart, Motion, Origin, RobotSettings, UObject, event, function, owned, reading
 from urbihw.platforms.devicelog import DeviceLog
 from urbihw.platforms.hooks import RobotHooks
-from urbihw.platforms.latches import LatchOrder, LatchView
 
 SAME_STOP_S: Final = 0.05
 """Seconds within which a second stop, with no motion since, counts as the same one: no person is so quick."""
