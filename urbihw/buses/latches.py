@@ -13,6 +13,8 @@ MOST: Final = 200
 """Characters of a name."""
 UNKNOWN: Final = ""
 """The user of a latch that anybody may release, since its owner is unknown."""
+SHARED: Final = "others"
+"""The user of the latch that the worker gives to all users beyond those who have one of their own."""
 _THEN: Final = ", then "
 
 

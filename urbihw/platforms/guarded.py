@@ -13,6 +13,7 @@ from typing import Any, Final
 
 from urbihw.buses import messages as m
 from urbihw.buses.latch_view import LatchOrder, LatchView
+from urbihw.buses.latches import SHARED
 from urbihw.control_address import local_user
 from urbihw.kernel.uobject import DevicePart, Motion, Origin, RobotSettings, UObject, event, function, owned, reading
 from urbihw.platforms.devicelog import DeviceLog
@@ -123,7 +124,8 @@ class MotionGuard(DevicePart):
         left = self._latches.preview(release)
         names = " and ".join(left.values())
         hint = f'who has pressed it releases it, or say {self._name}.releaseOf("NAME")'
-        if left and len(left) == len(holders):
+        # Whose the shared latch is, only the worker knows.
+        if left and len(left) == len(holders) and SHARED not in holders:
             raise ValueError(f"an emergency stop of {names} holds: {hint}")
         self.motion.arming.check_release(holders.keys() - left.keys())
         frees = bool(self.motion.latched) and not left
