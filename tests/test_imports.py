@@ -145,11 +145,9 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.platforms.hooks": ("urbihw.buses", "urbihw.platforms.limits"),
     "urbihw.platforms.session": ("urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings"),
     "urbihw.platforms.problems": ("urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.devicelog"),
-    "urbihw.platforms.latches": ("urbihw.buses",),
     "urbihw.platforms.guarded": (
         "urbihw.kernel.uobject", "urbihw.buses", "urbihw.control_address", "urbihw.platforms.devicelog",
         "urbihw.platforms.hooks",
-        "urbihw.platforms.latches",
     ),  # fmt: skip
     "urbihw.platforms.limited": (
         "urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.channel", "urbihw.platforms.clipping",

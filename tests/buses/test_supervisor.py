@@ -252,6 +252,19 @@ def test_the_next_one_is_held_by_the_emergency_stops_of_the_last_one(rig: Rig) -
     assert [*rig.worker.begin.holders] == []
 
 
+def test_an_older_report_does_not_undo_an_emergency_stop(rig: Rig) -> None:
+    """The worker dies before it has read the press: the next one is held by it all the same."""
+    rig.supervisor.send(m.Release("Bob", "bob", order=1))
+    rig.supervisor.send(m.EmergencyStop("Ann", "ann", order=2))
+    rig.worker.post(m.Latched("", "Bob", (), ("Bob",), order=1))
+    rig.worker.end("it died")
+    assert [*rig.worker.begin.holders] == [("ann", "Ann")]
+    assert rig.worker.begin.order == 2
+    rig.worker.post(m.Latched("", "Ann", (), ("Ann",), order=2))
+    rig.worker.end("it died")
+    assert [*rig.worker.begin.holders] == []
+
+
 def test_what_waits_for_a_worker_that_does_not_read_is_not_for_the_next_one(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:

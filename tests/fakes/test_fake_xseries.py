@@ -170,6 +170,18 @@ def test_velocity_mode_is_signed(wire: Talk, servo: XSeries) -> None:
     assert _seen(wire, "present_current") < -200
 
 
+def test_a_change_of_the_mode_resets_gains_profile_and_efforts(wire: Talk) -> None:
+    """E-manual, xl430-w250, "Operating Mode"; the same mode again resets nothing."""
+    names = "position_p", "profile_velocity", "profile_acceleration", "goal_pwm"
+    before = [_seen(wire, name) for name in names]
+    for command in ("03 54 00 2C 01", "03 70 00 29 00 00 00", "03 6C 00 05 00 00 00", "03 64 00 64 00"):
+        assert wire.p2(1, command) == "00"
+    wire.p2(1, "03 0B 00 03")
+    assert [_seen(wire, name) for name in names] == [300, 41, 5, 100]
+    wire.p2(1, "03 0B 00 01")
+    assert [_seen(wire, name) for name in names] == before
+
+
 def test_pwm_mode_drives_open_loop(wire: Talk) -> None:
     wire.p2(1, "03 0B 00 10")
     wire.p2(1, ON)

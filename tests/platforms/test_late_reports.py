@@ -12,7 +12,8 @@ import pytest
 from bioloid_lab import BAUD, Lab
 
 from urbihw.buses import messages as m
-from urbihw.platforms.latches import LatchView
+from urbihw.buses.authority import MOST_HOLDERS
+from urbihw.buses.latch_view import LatchView
 from urbihw_fakes.bioloid import Bioloid as Kit
 
 
@@ -114,3 +115,15 @@ def test_orders_that_a_report_does_not_know_are_carried_out_on_it() -> None:
     view.order(m.Release("Ann", "ann", order=3))
     assert view.report(told(3, "Bob", who="Ann", freed=("Ann",))) == frozenset()
     assert view.report(told(3, "Bob", who="Bob")) == {"bob"}
+
+
+def test_a_user_beside_those_with_a_latch_of_their_own_releases_the_shared_one() -> None:
+    lab = Lab.ready()
+    assert lab.worker is not None
+    for number in range(MOST_HOLDERS):
+        lab.worker.send(m.EmergencyStop(f"name {number}", f"user {number}"))
+    lab.run(1.0)
+    lab.say("bioloid.estop = true;", 0.1)
+    assert lab.number("bioloid.estopHolders.size") == MOST_HOLDERS + 1
+    assert "still holds" in lab.say("bioloid.estop = false;", 0.1)
+    assert lab.number("bioloid.estopHolders.size") == MOST_HOLDERS

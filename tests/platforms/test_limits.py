@@ -353,3 +353,12 @@ def test_a_reload_that_removes_or_raises_limits_says_so(caplog: pytest.LogCaptur
         assert lab.look("robot.problems") == (f'["{line}"]' if told else "[]")
     reload(lab, {})
     assert "limits.speed 2 -> none" in lab.look("robot.problems")
+    # The reload is for something else: the limits are those of before.
+    reload(lab, {})
+    assert "limits.speed 2 -> none" in lab.look("robot.problems")
+
+
+def test_a_limit_of_an_absent_device_that_a_reload_removes_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    lab = Bioloid.ready(limits={"motor66": {"speed": 1.0}})
+    reload(lab, {})
+    assert "limits.motor66.speed 1 -> none" in lab.look("robot.problems")

@@ -93,3 +93,28 @@ def test_a_torque_that_an_alarm_takes_is_not_given_back_as_after_a_power_cut() -
     lab.run(1.0)
     assert lab.look("motor3.state") == '"alarm"'
     assert not _has_torque(lab, 3)
+
+
+def test_a_servo_that_changes_its_mode_keeps_its_settings_and_has_not_started_anew() -> None:
+    """It resets them by itself, as at a start; the worker itself writes them again."""
+    lab = Chain.ready("XL330-M288:3")
+    lab.say("motor3.speed = 1|; motor3.acceleration = 3|; motor3.goalPwm = 0.4|; motor3.pGain = 300|;", 0.5)
+    names = "profile_velocity", "profile_acceleration", "goal_pwm", "position_p"
+    before = [lab.register(3, name) for name in names]
+    heard = lab.say('at (motor3.lost?) echo("it is lost");')
+    for mode in ("velocity", "position"):
+        heard += lab.say(f'motor3.load = 0|; motor3.mode = "{mode}"|; motor3.load = 1|;', 0.5)
+        assert [lab.register(3, name) for name in names] == before
+        assert lab.look("motor3.mode") == f'"{mode}"'
+    assert not heard
+
+
+def test_the_force_of_another_mode_is_written_anew_in_this_one() -> None:
+    """What the register held as the goal of that mode, the servo has reset."""
+    lab = Chain.ready("XL330-M288:3")
+    lab.say('motor3.mode = "pwm"|; motor3.load = 1|; motor3.goalPwm = 0.2|;', 0.3)
+    weak = lab.register(3, "goal_pwm")
+    lab.say('motor3.load = 0|; motor3.mode = "position"|;', 0.3)
+    assert lab.register(3, "goal_pwm") > weak
+    lab.say("motor3.goalPwm = 0.2|;", 0.3)
+    assert lab.register(3, "goal_pwm") == weak

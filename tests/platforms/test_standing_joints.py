@@ -185,6 +185,24 @@ def test_the_servo_keeps_its_own_limit_of_speed_after_it_has_followed_a_hand() -
     assert lab.register(3, "profile_velocity") == before
 
 
+def test_a_joint_that_is_stopped_while_a_hand_turns_it_has_not_started_anew() -> None:
+    """The stop switches the profile off, so that the joint is held at once."""
+    lab = Standing.at_place("XL330-M288:3", f"motor#.speed = 1|; motor#.val = {PLACE}|;", limits={"speed": 1.0})
+    heard = lab.say('at (motor3.lost?) echo("it is lost");')
+    before = lab.register(3, "profile_velocity")
+    lab.hold(True)
+    for step in range(60):
+        if step < 20:
+            turn_horn(lab.kit[3], 0.0075)
+        lab.step()
+        if step == 6:
+            lab.look("chain.stop")
+    lab.hold(False)
+    lab.run(0.5)
+    assert not heard + lab.heard()
+    assert lab.register(3, "profile_velocity") == before
+
+
 def test_a_wheel_is_not_held_by_a_place() -> None:
     lab = Lab.ready("AX-12:1,XL330-M288:3", limits={"speed": 1.0})
     lab.say('motor1.load = motor3.load = 1; motor1.mode = "wheel"; motor3.mode = "velocity";', 0.5)

@@ -15,14 +15,13 @@ from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Final
 
-from urbihw.buses.latches import MOST, UNKNOWN, plain_name, pressed, released
+from urbihw.buses.latches import MOST, SHARED, UNKNOWN, plain_name, pressed, released
 
 STALE: Final = "the robot was stopped after this was asked for"
 MOST_HOLDERS: Final = 64
 """Users who may have a latch of their own; those after them share one."""
-_OTHERS: Final = "others"
-_MOST_SHARING: Final = 1000
-"""Users who share a latch and can release it; what those after them have pressed takes a release of all."""
+MOST_SHARING: Final = 1000
+"""Users who share a latch and can release it; what those after them have pressed takes a release by name, or of all."""
 _ABSENT: Final = frozenset({errno.ENOENT, errno.ENOTDIR, errno.ENAMETOOLONG})
 """Failures to open a file that cannot be there."""
 
@@ -45,6 +44,8 @@ class MotionAuthority:
         self.unreadable = self.unkept = ""
         kept = self._read_latches()
         self.holders = kept | dict(holders)
+        # The worker before this one did not tell who shares a latch.
+        self._has_unknown_sharers = SHARED in self.holders
         if self.holders != kept and not self.unreadable:
             self.keep_latches()
 
@@ -62,9 +63,11 @@ class MotionAuthority:
         """Refuse all motion until the release of this user; ``keep_latches`` writes the file, after the stop."""
         user = plain_name(user)
         if user not in self.holders and len(self.holders) >= MOST_HOLDERS:
-            if len(self._sharing) < _MOST_SHARING:
+            if len(self._sharing) < MOST_SHARING:
                 self._sharing.add(user)
-            user = _OTHERS
+            elif user not in self._sharing:
+                self._has_unknown_sharers = True
+            user = SHARED
         self.holders = pressed(self.holders, who, user)
 
     def keep_latches(self) -> str:
@@ -104,15 +107,17 @@ class MotionAuthority:
         """Release the latch of a user, and those of others, by user or name, or all; ``keep_latches`` comes next.
 
         Returns the names of those whose latches it was; none if somebody else holds the robot, or if none of the others
-        does.  The latch that users share is free when all of them have released it.
+        does.  The latch that users share is free when all of them have released it; if some of them are not known, it
+        takes a release by name, or of all.
         """
         before, self.holders = self.holders, released(self.holders, user, others, everyone)
         if plain_name(user) in self._sharing:
             self._sharing.remove(plain_name(user))
-            if not self._sharing:
-                self.holders.pop(_OTHERS, None)
-        if _OTHERS not in self.holders:
+            if not self._sharing and not self._has_unknown_sharers:
+                self.holders.pop(SHARED, None)
+        if SHARED not in self.holders:
             self._sharing.clear()
+            self._has_unknown_sharers = False
         return tuple(who for each, who in before.items() if each not in self.holders)
 
     def refusal(self, epoch: int) -> str:
@@ -128,7 +133,7 @@ class MotionAuthority:
         try:
             # Never blocking: it may be a pipe.
             with os.fdopen(os.open(self._file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
-                data = file.read(8 * MOST * MOST_HOLDERS) or b""
+                data = file.read(8 * MOST * (MOST_HOLDERS + 1)) or b""
         except OSError as error:
             if error.errno in _ABSENT:
                 return {}
@@ -138,7 +143,7 @@ class MotionAuthority:
         if "\ufffd" in text:
             self.unreadable = self._explain_unreadable("it is not UTF-8 text")
         found = {}
-        for row in text.splitlines()[-MOST_HOLDERS:]:
+        for row in text.splitlines()[-MOST_HOLDERS - 1 :]:
             who, _, user = row.partition("\t")
             found[plain_name(user)] = plain_name(who) or "emergency stop"
         return found or {UNKNOWN: "emergency stop"}

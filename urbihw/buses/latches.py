@@ -1,7 +1,7 @@
 """Who holds a robot by an emergency stop: what a press and a release make of the latches.
 
 Worker and daemon share these rules.  The daemon knows at once what its own orders will do, and the worker, which has
-the last word, reports later (``urbihw.platforms.latches``).
+the last word, reports later (``urbihw.buses.latch_view``).
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ MOST: Final = 200
 """Characters of a name."""
 UNKNOWN: Final = ""
 """The user of a latch that anybody may release, since its owner is unknown."""
+SHARED: Final = "others"
+"""The user of the latch that the worker gives to all users beyond those who have one of their own."""
 _THEN: Final = ", then "
 
 

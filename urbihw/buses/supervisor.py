@@ -22,7 +22,7 @@ from typing import Any, Final
 from urbihw.backoff import BackOff
 from urbihw.buses.driver import driver_of
 from urbihw.buses.errors import BusError, LinkGone
-from urbihw.buses.latches import pressed
+from urbihw.buses.latch_view import LatchView
 from urbihw.buses.messages import (
     Begin,
     Configure,
@@ -71,7 +71,7 @@ class Supervisor:
         self._watches: dict[tuple[Any, str], float] = {}
         self._limits: Limits | None = None
         self._epoch = begin.epoch
-        self._holders: dict[str, str] = {}
+        self._latches = LatchView()
         self._order = 0
         self._backlog: deque[ToWorker] = deque()
         self._link_up = False
@@ -155,9 +155,9 @@ class Supervisor:
                 self._limits = message
             case EmergencyStop():
                 self._order = message.order
-                self._holders = pressed(self._holders, message.who, message.user)
+                self._latches.order(message)
             case Release():
-                # Whether it is granted, the worker tells.
+                # Not shown before the worker has granted it: a press that it has not read must outlive it.
                 self._order = message.order
             case Configure():
                 self._begin = replace(self._begin, settings=message)
@@ -180,7 +180,8 @@ class Supervisor:
             case Stopped():
                 self._epoch = max(self._epoch, message.epoch)
             case Latched():
-                self._holders = dict(message.holders)
+                with self._lock:
+                    self._latches.report(message)
             case WorkerState():
                 self._handle_worker_state(message)
                 return
@@ -254,7 +255,7 @@ class Supervisor:
                 epoch=self._epoch,
                 instead=reason,
                 watches=self._all_watches(),
-                holders=tuple(self._holders.items()),
+                holders=tuple(self._latches.holders.items()),
                 order=self._order,
             )
             self._worker = Worker.start(

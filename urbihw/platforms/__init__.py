@@ -3,10 +3,10 @@
 A robot may be a package of its own, too, found by its entry point of the group ``urbihw.platforms``.
 
 Where to start: ``manifest`` (what a platform says of itself), ``hooks`` (what a platform implements), ``base`` (what
-every robot on one wire does with its worker), with ``guarded`` (stops) and ``latches`` (who holds it), ``limited``
-(limits), ``arrival`` (a robot that is absent at the start) and ``channel`` (how devices reach the worker), then
-``bioloid`` (the first, and the example). A platform imports those, ``urbihw.kernel.uobject``, ``urbihw.buses`` and
-``urbihw.navigation``, never another platform.
+every robot on one wire does with its worker), with ``guarded`` (stops), ``limited`` (limits), ``arrival`` (a
+robot that is absent at the start) and ``channel`` (how devices reach the worker), then ``bioloid`` (the first, and the
+example). A platform imports those, ``urbihw.kernel.uobject``, ``urbihw.buses`` and ``urbihw.navigation``, never another
+platform.
 
 Beside them: ``session`` (with the worker), ``measured`` and ``streamed`` (devices whose values come), ``clipping``
 (limits as a device shows them), ``identity``, ``problems`` and ``devicelog`` (what a robot tells), ``expected``,

@@ -101,10 +101,12 @@ class WiredRobot(RobotHooks, PlatformRobot):
         limits = LimitSettings.of(settings.limits)
         self.worker.check(settings)
         self.guard.configure(settings)
+        have_changed = limits != self.limits.settings
         looser = self.limits.take(limits)
         self.worker.configure(settings, self.expected)
         self.limits.send()
-        self.report.show_looser(looser)
+        if have_changed:
+            self.report.show_looser(looser)
 
     def close(self) -> None:
         """Stop the robot, end the worker, and destroy the objects."""

@@ -12,11 +12,12 @@ from collections.abc import Callable, Hashable
 from typing import Any, Final
 
 from urbihw.buses import messages as m
+from urbihw.buses.latch_view import LatchOrder, LatchView
+from urbihw.buses.latches import SHARED
 from urbihw.control_address import local_user
 from urbihw.kernel.uobject import DevicePart, Motion, Origin, RobotSettings, UObject, event, function, owned, reading
 from urbihw.platforms.devicelog import DeviceLog
 from urbihw.platforms.hooks import RobotHooks
-from urbihw.platforms.latches import LatchOrder, LatchView
 
 SAME_STOP_S: Final = 0.05
 """Seconds within which a second stop, with no motion since, counts as the same one: no person is so quick."""
@@ -123,7 +124,8 @@ class MotionGuard(DevicePart):
         left = self._latches.preview(release)
         names = " and ".join(left.values())
         hint = f'who has pressed it releases it, or say {self._name}.releaseOf("NAME")'
-        if left and len(left) == len(holders):
+        # Whose the shared latch is, only the worker knows.
+        if left and len(left) == len(holders) and SHARED not in holders:
             raise ValueError(f"an emergency stop of {names} holds: {hint}")
         self.motion.arming.check_release(holders.keys() - left.keys())
         frees = bool(self.motion.latched) and not left

@@ -40,8 +40,10 @@ class RobotLimits(DevicePart):
     def take(self, settings: LimitSettings) -> list[str]:
         """Replace the limits; return in words those that allow more than they did before.  ``send`` comes next."""
         before, self.settings = self.settings, settings
-        known = self._names()
-        return settings.looser(before, known.values() if known else [(), *((name,) for name in before.names)])
+        known = self._names().values()
+        present = {name for names in known for name in names}
+        absent = [(name,) for name in before.names if name not in present]
+        return settings.looser(before, [*(known or [()]), *absent])
 
     def _names(self) -> dict[str, tuple[str, ...]]:
         """The names of each device that has limits: its own, and those of its joint."""

@@ -147,6 +147,11 @@ class LimitSettings:
         name = next((name for name in names if kind in self._devices.get(name, {})), "")
         return f"limits.{name}.{kind}" if name else f"limits.{kind}"
 
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, LimitSettings):
+            return NotImplemented
+        return (self._general, self._devices) == (other._general, other._devices)
+
     def __bool__(self) -> bool:
         return bool(self._general or self._devices)
 

@@ -2,6 +2,9 @@
 
 The firmware side is here (registers, limits, alarms), the motion in `xmotion`, the numbers in `xtables`.
 
+A change of the mode resets gains, profile and the goals of PWM and current, as the e-manual tells ("Operating Mode").
+The gains of a new mode are those of a start, whichever it is (model choice).
+
 Choices where the sheet is silent: turning the torque on, or changing the mode, sets the goals to the present position;
 the range of Goal Position is +-256 turns in extended position mode, and the limits 48 and 52 in position mode (data
 limit error); a fired bus watchdog stops the servo where it is, with its speed, PWM and current goals at 0, and refuses
@@ -45,6 +48,12 @@ HEATING = 50.0  # degC above ambient after a long full drive
 HEAT_TIME = 300.0  # s
 OVERLOAD_TIME = 1.0  # s of stalled drive at its limit
 GOALS = frozenset({"goal_pwm", "goal_current", "goal_velocity", "goal_position"})
+RESET_BY_MODE = frozenset(
+    {
+        "velocity_i", "velocity_p", "position_d", "position_i", "position_p", "feedforward_2", "feedforward_1",
+        "profile_acceleration", "profile_velocity",
+    }
+)  # fmt: skip
 
 
 class XSeries(Unit2):
@@ -83,9 +92,7 @@ class XSeries(Unit2):
         self._stalled_for = 0.0
         self.motor.drive = 0.0
         self.motor.position %= STEPS
-        self.registers.put("goal_pwm", self.registers.get("pwm_limit"))
-        if self.model.current_limit is not None:
-            self.registers.put("goal_current", self.registers.get("current_limit"))
+        self._free_effort()
         self._stay()
 
     def heat(self, celsius: float | None) -> None:
@@ -203,6 +210,8 @@ class XSeries(Unit2):
             if self.mode == POSITION:
                 # The count of turns is lost (e-manual, xl430-w250, "Present Position").
                 self.motor.position %= STEPS
+            if not starts:
+                self._reset_control()
             self._stay()
         elif name in GOALS:
             if self.registers.get("drive_mode") & DRIVE_TORQUE_ON and not self.torque:
@@ -210,6 +219,18 @@ class XSeries(Unit2):
                 if not self.registers.get("hardware_error") & self.registers.get("shutdown"):
                     self.registers.put("torque_enable", 1)
             self._plan(value - self.profile.position if name == "goal_position" else 0.0)
+
+    def _reset_control(self) -> None:
+        """A new mode has its own gains, no profile, and full effort (e-manual, xl430-w250, "Operating Mode")."""
+        for name in RESET_BY_MODE & self.registers.by_name.keys():
+            self.registers.put(name, self.registers.by_name[name].default)
+        self._free_effort()
+
+    def _free_effort(self) -> None:
+        """Set the goals of PWM and current to their limits."""
+        self.registers.put("goal_pwm", self.registers.get("pwm_limit"))
+        if self.model.current_limit is not None:
+            self.registers.put("goal_current", self.registers.get("current_limit"))
 
     # --- physics --------------------------------------------------------------------------------------------------
 

@@ -16,7 +16,7 @@ from urbihw.buses.servos.item import ShaftMotion, is_place
 from urbihw.buses.servos.member import FIRED, GOAL, WATCHDOG, WATCHDOG_COUNTS, Member
 from urbihw.buses.servos.plan import TORQUE
 from urbihw.buses.servos.scan import identify
-from urbihw.buses.servos.stop import PRESENT_POSITION, hold_here, read_position_goal
+from urbihw.buses.servos.stop import PRESENT_POSITION, give_back_after_mode, hold_here, read_position_goal
 from urbihw.buses.servos.unheld import check_line
 
 
@@ -101,6 +101,8 @@ def _write(bus: ServoBus, member: Member, name: str, wanted: Any) -> int:
         if isinstance(error, LinkGone) or item.unpack(bus.read(member.device.id, item.address, item.size)) != value:
             raise
     member.record_write(item.name, value, bus.clock.now())
+    if name in member.table.mode_items:
+        give_back_after_mode(bus, member)
     if name == TORQUE and value:
         _read_goal(bus, member)
     return value

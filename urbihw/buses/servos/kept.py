@@ -3,6 +3,9 @@
 A servo that was without power for a moment answers again as if nothing had been: its speed on the way to a goal, its
 acceleration and its torque limit are those of a start, and its torque is off. Some of these registers are read with
 the torque, each time that this is read: a value that has changed, and was not written, tells of a start.
+
+A servo of protocol 2.0 resets gains, profile, and the goals of PWM and current when its mode changes (ROBOTIS e-manual,
+xl430-w250, "Operating Mode"): that is no start, and they are written again at once.
 """
 
 from __future__ import annotations
@@ -53,7 +56,7 @@ class KeptRegisters:
                 self._written[name] = raw
             self._read.pop(name, None)
             self.is_unread = self.is_unread or name in _BOUNDS
-        self.witnesses = tuple(name for name in _BOUNDS if name in self._written)
+        self._choose_witnesses(mode)
 
     def has_lost(self, values: Mapping[str, int]) -> bool:
         """Take a reading; return whether one of the witnesses has changed, and was not written.
@@ -70,10 +73,15 @@ class KeptRegisters:
         return lost
 
     def given_back(self, mode: Mode | None) -> dict[str, int]:
-        """Return what is to be written again after a start, in this mode; it counts as not read yet."""
+        """Return what is to be written again in this mode, after a start or a change of the mode; it counts as not read
+        yet."""
         self._read.clear()
+        self._choose_witnesses(mode)
         self.is_unread = bool(self.witnesses)
         return {name: raw for name, raw in self._written.items() if not _moves(mode, name)}
+
+    def _choose_witnesses(self, mode: Mode | None) -> None:
+        self.witnesses = tuple(name for name in _BOUNDS if name in self._written and not _moves(mode, name))
 
 
 def _moves(mode: Mode | None, name: str) -> bool:

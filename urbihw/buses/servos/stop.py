@@ -106,9 +106,20 @@ def hold_here(bus: ServoBus, member: Member) -> None:
 
 def give_back(cycle: Cycle, numbers: Iterable[int]) -> None:
     """Write what servos that are back may have forgotten; it goes before any goal. Raises LinkGone."""
-    members = [cycle.members[number] for number in numbers]
+    _write_kept(cycle.bus, [cycle.members[number] for number in numbers])
+
+
+def give_back_after_mode(bus: ServoBus, member: Member) -> None:
+    """Write what a servo of protocol 2.0 has reset by itself as its mode changed. Raises LinkGone."""
+    if member.device.protocol == 2:
+        # Targets of the old mode are no longer what the registers hold.
+        member.written.clear()
+        _write_kept(bus, [member])
+
+
+def _write_kept(bus: ServoBus, members: Iterable[Member]) -> None:
     values = {member.device.id: member.kept.given_back(member.device.mode) for member in members if member.has_motor}
-    _write(cycle.bus, members, values)
+    _write(bus, members, values)
 
 
 def execute_pending_stops(cycle: Cycle) -> None:
@@ -166,12 +177,14 @@ def _is_on_its_way(bus: ServoBus, member: Member) -> bool:
 
 
 def _write(bus: ServoBus, members: Iterable[Member], values: Mapping[int, Mapping[str, int]]) -> None:
+    """Write values, unacknowledged, and record them: what a servo then tells of them is no sign of a start."""
     groups: dict[int, list[plan.WriteGroup]] = {}
     for member in members:
         wanted = values.get(member.device.id)
         if wanted:
             group = plan.write_runs(member.table, wanted), [(member.device.id, wanted)]
             groups.setdefault(member.device.protocol, []).append(group)
+            member.kept.record(member.table, member.device.mode, wanted)
     packets = b"".join(each for protocol, one in groups.items() for each in plan.sync_writes(protocol, one))
     if packets:
         for _ in range(_REPEATS):

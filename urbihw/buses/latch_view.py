@@ -1,4 +1,4 @@
-"""Who holds a robot by an emergency stop, as the daemon sees it.
+"""Who holds a robot by an emergency stop, as the daemon and the supervisor of its worker see it.
 
 The worker has the last word, but its reports take a moment, and meanwhile there are further orders: a report that was
 posted before the worker got the last press or release must not undo that.  So each order has a number, a report tells
