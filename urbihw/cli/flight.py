@@ -71,7 +71,7 @@ def serve_flight(control: Path, platform: str, folder: Path, seconds: float) -> 
         return begin_file(folder / name, platform)
 
     memory = FlightMemory(seconds)
-    flight = FlightRecorder(memory, maker, folder, begin)
+    flight = FlightRecorder(memory, maker, folder, begin, lambda: line.has_ended(time.monotonic()))
     with closing(RobotFeeds(control)) as feeds:
         recorder = RobotRecorder(feeds.queue, maker, [memory])
         recorder.heard = lambda word: flight.hear(word, time.monotonic())
