@@ -241,7 +241,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.buses.verdict",
     ),
     # What happens in a worker, recorded, shown and replayed: a client of the worker, never of the kernel or a platform.
-    "urbihw.recording": ("urbihw.buses", "urbihw.control_line", "urbihw.backoff", "urbihw.extras"),
+    "urbihw.recording": ("urbihw.buses", "urbihw.control_line", "urbihw.backoff", "urbihw.extras", "urbihw.settings"),
     "urbihw.cli": (
         "urbihw.release",
         # To look at a simulated world.

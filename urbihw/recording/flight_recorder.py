@@ -28,7 +28,7 @@ MOST_FILES: Final = 20
 class FlightRecorder:
     """The last minutes of one robot; ``begin`` makes a file, whose reason it gets.
 
-    ``alive`` is called after each second that is written: whoever waits for signs of life gets one.
+    ``alive`` is called after each second that is written, to give a sign of life.
 
     Attributes:
         memory: what is kept.
