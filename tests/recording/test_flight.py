@@ -84,10 +84,14 @@ class Lab:
 
 LINK = b'{"event":"LinkState","up":false,"reason":"unplugged","mistake":false,"at":%d}'
 LATCHED = b'{"event":"Latched","reason":"the cook","who":"the cook","holders":[],"freed":[],"at":%d}'
+RELEASED = b'{"event":"Latched","reason":"Ann","who":"Bob","holders":[["ann","Ann"]],"freed":["Bob"],"at":%d}'
+REFUSED = b'{"event":"Latched","reason":"Ann","who":"","holders":[["ann","Ann"]],"freed":[],"order":2,"at":%d}'
 STOPPED = b'{"event":"Stopped","reason":"a stop","epoch":1,"devices":null,"at":%d}'
 
 
-@pytest.mark.parametrize(("line", "reason"), [(LINK, "lost"), (LATCHED, "estop"), (STOPPED, "")])
+@pytest.mark.parametrize(("line", "reason"), [
+    (LINK, "lost"), (LATCHED, "estop"), (STOPPED, ""), (RELEASED, ""), (REFUSED, ""),
+])  # fmt: skip
 def test_what_goes_wrong_is_written_with_what_came_of_it(line: bytes, reason: str, tmp_path: Path) -> None:
     lab = Lab(tmp_path)
     assert lab.step(100.0, line % 100) is None
