@@ -138,11 +138,45 @@ def test_a_recorder_answers_and_there_is_one_at_a_place(tmp_path: Path) -> None:
     ended.set()
     polling.join()
     door.close()
-    assert asked == ["stop", "state"] and not path.exists()
+    assert asked == ["stop"] and not path.exists()
     path_of_dead = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     path_of_dead.bind(str(path))
     path_of_dead.close()
     RecorderDoor(path, str).close()  # what a killed recorder has left is no recorder
+
+
+def test_a_recorder_does_not_wait_for_who_asks(tmp_path: Path) -> None:
+    door = RecorderDoor(tmp_path / "a.flight", str.upper)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as silent, socket.socket(socket.AF_UNIX) as slow:
+        silent.connect(str(door.path))
+        slow.connect(str(door.path))
+        slow.sendall(b'{"do":')
+        begun = time.monotonic()
+        door.poll()
+        slow.sendall(b'"last"}\n')
+        door.poll()
+        assert json.loads(slow.recv(100)) == {"ok": True, "told": "LAST"}
+        assert time.monotonic() - begun < 0.9
+    door.close()
+
+
+def test_a_busy_recorder_is_a_recorder(tmp_path: Path) -> None:
+    busy = RecorderDoor(tmp_path / "a.flight", str)  # nothing polls it
+    begun = time.monotonic()
+    with pytest.raises(DoorTaken):
+        RecorderDoor(busy.path, str)
+    assert time.monotonic() - begun < 10
+    busy.close()
+
+
+def test_a_recorder_that_ends_leaves_the_socket_of_its_successor(tmp_path: Path) -> None:
+    first = RecorderDoor(tmp_path / "a.flight", str)
+    first.path.rename(tmp_path / "moved")  # so that it can be bound again while the first one lives
+    second = RecorderDoor(first.path, str)
+    first.close()
+    assert second.path.exists()
+    second.close()
+    assert not second.path.exists()
 
 
 def test_when_a_recording_ends() -> None:
