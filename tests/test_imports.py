@@ -278,7 +278,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     # folder.
     "urbihw.web": (
         "urbihw.client", "urbihw.client.lines", "urbihw.client.values", "urbihw.buses.verdict", "urbihw.daemon",
-        "urbihw.backoff", "urbihw.repeats",
+        "urbihw.backoff", "urbihw.repeats", "urbihw.release",
     ),  # fmt: skip
     # The verdict on the health of a robot, for commands and browsers.
     "urbihw.buses.verdict": ("urbihw.buses.pace",),

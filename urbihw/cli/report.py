@@ -15,7 +15,6 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import closing
 from datetime import datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import IO, Final
 
@@ -28,6 +27,7 @@ from urbihw.kernel.uobject import BadConfig
 from urbihw.recording.recorder import RobotRecorder
 from urbihw.recording.recording_file import RecordingRefused
 from urbihw.recording.records import RecordMaker
+from urbihw.release import installed_version
 
 RECORDED_S: Final = 5.0
 """Seconds that are recorded where there is no flight recorder."""
@@ -68,7 +68,7 @@ def run(options: argparse.Namespace) -> int:
 def about(robot: str, note: str) -> str:
     """Versions of urbihw and of the system, as lines."""
     return (
-        f"urbihw {version('urbihw')}, platform {robot}\n"
+        f"urbihw {installed_version()}, platform {robot}\n"
         f"Python {sys.version.split()[0]}\n"
         f"{platform.system()} {platform.release()} {platform.machine()}\n"
         f"recording.mcap: {note}\n"
