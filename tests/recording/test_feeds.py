@@ -20,6 +20,7 @@ from urbihw.recording import topics
 from urbihw.recording.door import DoorTaken, RecorderDoor, ask
 from urbihw.recording.feed import LineQueue, WorkerFeed
 from urbihw.recording.recorder import RobotRecorder
+from urbihw.recording.recording_file import RecordingRefused
 from urbihw.recording.records import RecordMaker, TopicRecord
 
 ANSWER = {"ok": True, "do": "record", "time": 5.0, "link": True, "estop": "", "epoch": 1, "url": "/dev/ttyUSB0",
@@ -158,6 +159,28 @@ def test_a_recorder_does_not_wait_for_who_asks(tmp_path: Path) -> None:
         assert json.loads(slow.recv(100)) == {"ok": True, "told": "LAST"}
         assert time.monotonic() - begun < 0.9
     door.close()
+
+
+def test_what_a_recorder_cannot_do_is_told_in_its_words_and_is_no_path(tmp_path: Path) -> None:
+    def answer(verb: str) -> str:
+        raise RecordingRefused("the disk is away")
+
+    door = RecorderDoor(tmp_path / "a.flight", answer)
+    ended = threading.Event()
+
+    def poll() -> None:
+        while not ended.wait(0.005):
+            door.poll()
+
+    polling = threading.Thread(target=poll)
+    polling.start()
+    try:
+        with pytest.raises(RecordingRefused, match="^the disk is away$"):
+            ask(door.path, "last")
+    finally:
+        ended.set()
+        polling.join()
+        door.close()
 
 
 def test_a_busy_recorder_is_a_recorder(tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
     > {"do": "stop"}                  end the recording
     < {"ok": true, "told": "/home/me/lesson1.mcap"}
+    > {"do": "last"}                  write the last minutes
+    < {"ok": false, "why": "/home/me: the disk is away"}
 """
 
 from __future__ import annotations
@@ -17,6 +19,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from urbihw.control_line import ControlLine
+from urbihw.recording.recording_file import RecordingRefused
+from urbihw.settings import escape_unprintable
 
 ANSWER_TIMEOUT_S: Final = 30.0
 """Seconds for an answer: the last minutes are written meanwhile."""
@@ -33,7 +37,7 @@ class DoorTaken(Exception):
 class RecorderDoor:
     """Listens at ``path``; ``answer`` gets the verb and returns the answer to the client.
 
-    Raises DoorTaken, OSError.
+    Who answers raises RecordingRefused for what does not work, whose words the client gets. Raises DoorTaken, OSError.
     """
 
     def __init__(self, path: Path, answer: Callable[[str], str]) -> None:
@@ -106,6 +110,8 @@ class _DoorClient:
             try:
                 told = json.loads(self.heard)
                 line: dict[str, Any] = {"ok": True, "told": answer(str(told["do"]))}
+            except RecordingRefused as error:
+                line = {"ok": False, "why": str(error)}
             except (OSError, ValueError, KeyError, TypeError, RecursionError):
                 line = {"ok": False}
             self.socket.sendall(json.dumps(line).encode() + b"\n")
@@ -132,7 +138,8 @@ def _place_of(path: Path) -> tuple[int, int]:
 def ask(path: Path, verb: str) -> str:
     """Ask the recorder that listens at a path; return what it tells.
 
-    Raises OSError if there is none, or no answer, and ValueError for an answer without sense.
+    Raises OSError if there is none, or no answer, RecordingRefused with its words for what does not work, and
+    ValueError for an answer without sense.
     """
     line = ControlLine(path)
     try:
@@ -140,6 +147,8 @@ def ask(path: Path, verb: str) -> str:
         told = line.next_told(time.monotonic() + ANSWER_TIMEOUT_S)
     finally:
         line.close()
+    if isinstance(told, dict) and told.get("ok") is False and "why" in told:
+        raise RecordingRefused(escape_unprintable(str(told["why"])))
     if not isinstance(told, dict) or told.get("ok") is not True:
         raise ValueError(f"{path}: what answers there is no recorder")
     return str(told.get("told", ""))
