@@ -239,7 +239,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.buses.verdict",
     ),
     # What happens in a worker, recorded, shown and replayed: a client of the worker, never of the kernel or a platform.
-    "urbihw.recording": ("urbihw.buses", "urbihw.control_line", "urbihw.backoff", "urbihw.extras"),
+    "urbihw.recording": ("urbihw.buses", "urbihw.control_line", "urbihw.backoff", "urbihw.extras", "urbihw.settings"),
     "urbihw.cli": (
         "urbihw.release",
         # To look at a simulated world.
@@ -276,7 +276,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     # folder.
     "urbihw.web": (
         "urbihw.client", "urbihw.client.lines", "urbihw.client.values", "urbihw.buses.verdict", "urbihw.daemon",
-        "urbihw.backoff", "urbihw.repeats",
+        "urbihw.backoff", "urbihw.repeats", "urbihw.release",
     ),  # fmt: skip
     # The verdict on the health of a robot, for commands and browsers.
     "urbihw.buses.verdict": ("urbihw.buses.pace",),

@@ -18,7 +18,7 @@ from urbihw.buses import messages as m
 from urbihw.buses.authority import MOST_HOLDERS
 from urbihw.buses.clock import BusRealClock
 from urbihw.buses.control import LOOK_PERIOD_S, MAX_CLIENTS, REST_S, ControlSocket
-from urbihw.buses.control_client import MAX_LINE_BYTES, MAX_QUEUED_LINES
+from urbihw.buses.control_client import MAX_LINE_BYTES, MAX_QUEUED_LINES, NAMELESS
 from urbihw.buses.driver import driver_of
 from urbihw.buses.engine import Engine
 from urbihw.buses.errors import Unavailable
@@ -270,6 +270,12 @@ def test_release_lets_it_move_again_but_moves_nothing(bench: ControlBench) -> No
     bench.move(900, epoch=answer["epoch"])
     assert bench.register(GOAL) == 900
     assert of(m.Latched, bench.order("release")[1]) == []
+
+
+def test_a_press_without_a_name_has_one(bench: ControlBench) -> None:
+    # Who hears of the latch tells a press from a refused release by it.
+    (latched,) = of(m.Latched, bench.order("estop", " ")[1])
+    assert latched.who == latched.reason == NAMELESS
 
 
 def test_the_latch_outlives_the_worker(bench: ControlBench, make_rig: Callable[..., Rig]) -> None:

@@ -98,6 +98,19 @@ def test_the_first_seconds_are_bounded(rig: Rig) -> None:
     assert sum(len(event["chunks"]) for event in log.opening()) == MOST_OPENING_ROWS
 
 
+def test_what_the_first_seconds_have_no_room_for_is_counted_and_nothing_behind_it_is_kept(rig: Rig) -> None:
+    log = TrafficLog("pipe://robot", rig.clock)
+    log.begin(rig.link)
+    for size in (10, MOST_OPENING_BYTES, 10, 10):
+        rig.link.observer("<", b"x" * size)  # type: ignore[misc]
+    # A gap in the middle would let a replay go wrong where nobody looks for it.
+    (kept, lost) = log.opening()
+    assert ([len(row[2]) // 2 for row in kept["chunks"]], kept["lost"]) == ([10], 0)
+    assert (lost["chunks"], lost["lost"], lost["opening"]) == ([], 3, True)
+    log.begin(rig.link)
+    assert list(log.opening()) == []
+
+
 def test_what_waits_is_bounded_and_the_loss_is_told(rig: Rig) -> None:
     log = TrafficLog("pipe://robot", rig.clock)
     log.observe(rig.link, True)

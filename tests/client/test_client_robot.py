@@ -635,6 +635,20 @@ def test_a_block_has_a_lease_that_the_library_keeps(robot: Robot, lan: Lan) -> N
     assert robot["lease"] == 0
 
 
+@pytest.mark.parametrize("seconds", [0, -1.0, float("nan")])
+def test_a_lease_without_a_time_is_refused(seconds: float, robot: Robot, lan: Lan) -> None:
+    # Signs of life without a pause would flood the server.
+    with pytest.raises(ValueError, match="a lease lasts for"):
+        robot.lease(seconds=seconds)
+
+    async def use() -> None:
+        async with await aio.connect("127.0.0.1", lan.plain_port, timeout=20) as other:
+            with pytest.raises(ValueError, match="a lease lasts for"):
+                other.lease(seconds=seconds)
+
+    asyncio.run(use())
+
+
 def test_a_lease_that_the_program_feeds_gets_no_sign_of_life_from_the_library(lan: Lan) -> None:
     with urbihw.connect("127.0.0.1", lan.plain_port, timeout=20, lease=0.4) as robot:
         with robot.lease(3, fed=False) as lease:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import socket
 import stat
 from pathlib import Path
 from types import SimpleNamespace
@@ -42,6 +43,32 @@ async def feed_with(folder: Path) -> RecordFeed:
     return feed
 
 
+def test_files_that_are_made_while_the_feed_starts_have_their_usual_modes(tmp_path: Path) -> None:
+    async def other() -> None:
+        (tmp_path / "other").mkdir()
+
+    async def trial() -> None:
+        feed = RecordFeed(str(tmp_path / "bioloid-1.sock"), {})
+        await asyncio.gather(feed.start(), other())
+        feed.close()
+
+    asyncio.run(trial())
+    (tmp_path / "another").mkdir()
+    assert (tmp_path / "other").stat().st_mode == (tmp_path / "another").stat().st_mode
+
+
+def test_a_feed_takes_the_place_of_one_that_was_killed(tmp_path: Path) -> None:
+    async def trial() -> None:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as dead:
+            dead.bind(str(tmp_path / "bioloid-1.feed"))
+        feed = await feed_with(tmp_path)
+        (settings,) = await read(tmp_path / "bioloid-1.feed", 1)
+        assert settings["event"] == "Settings"
+        feed.close()
+
+    asyncio.run(trial())
+
+
 def test_a_recorder_gets_settings_log_and_what_clients_say(tmp_path: Path) -> None:
     async def trial() -> list[dict[str, Any]]:
         feed = await feed_with(tmp_path)
@@ -70,7 +97,7 @@ def test_a_recorder_gets_settings_log_and_what_clients_say(tmp_path: Path) -> No
     assert shown == [
         "settings   rate = 100.0",
         "log        link lost",
-        "typed      10.0.0.7:5000 (alice): token ...??motor6.val = 1;",
+        r"typed      10.0.0.7:5000 (alice): token ...\r\nmotor6.val = 1;",
     ]
     assert json.loads(records[1].data)["level"] == 3 and json.loads(records[1].data)["timestamp"]["nsec"] == 500_000_000
     assert maker.beginning == records[:1]

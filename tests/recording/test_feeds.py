@@ -20,6 +20,7 @@ from urbihw.recording import topics
 from urbihw.recording.door import DoorTaken, RecorderDoor, ask
 from urbihw.recording.feed import LineQueue, WorkerFeed
 from urbihw.recording.recorder import RobotRecorder
+from urbihw.recording.recording_file import RecordingRefused
 from urbihw.recording.records import RecordMaker, TopicRecord
 
 ANSWER = {"ok": True, "do": "record", "time": 5.0, "link": True, "estop": "", "epoch": 1, "url": "/dev/ttyUSB0",
@@ -138,11 +139,67 @@ def test_a_recorder_answers_and_there_is_one_at_a_place(tmp_path: Path) -> None:
     ended.set()
     polling.join()
     door.close()
-    assert asked == ["stop", "state"] and not path.exists()
+    assert asked == ["stop"] and not path.exists()
     path_of_dead = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     path_of_dead.bind(str(path))
     path_of_dead.close()
     RecorderDoor(path, str).close()  # what a killed recorder has left is no recorder
+
+
+def test_a_recorder_does_not_wait_for_who_asks(tmp_path: Path) -> None:
+    door = RecorderDoor(tmp_path / "a.flight", str.upper)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as silent, socket.socket(socket.AF_UNIX) as slow:
+        silent.connect(str(door.path))
+        slow.connect(str(door.path))
+        slow.sendall(b'{"do":')
+        begun = time.monotonic()
+        door.poll()
+        slow.sendall(b'"last"}\n')
+        door.poll()
+        assert json.loads(slow.recv(100)) == {"ok": True, "told": "LAST"}
+        assert time.monotonic() - begun < 0.9
+    door.close()
+
+
+def test_what_a_recorder_cannot_do_is_told_in_its_words_and_is_no_path(tmp_path: Path) -> None:
+    def answer(verb: str) -> str:
+        raise RecordingRefused("the disk is away")
+
+    door = RecorderDoor(tmp_path / "a.flight", answer)
+    ended = threading.Event()
+
+    def poll() -> None:
+        while not ended.wait(0.005):
+            door.poll()
+
+    polling = threading.Thread(target=poll)
+    polling.start()
+    try:
+        with pytest.raises(RecordingRefused, match="^the disk is away$"):
+            ask(door.path, "last")
+    finally:
+        ended.set()
+        polling.join()
+        door.close()
+
+
+def test_a_busy_recorder_is_a_recorder(tmp_path: Path) -> None:
+    busy = RecorderDoor(tmp_path / "a.flight", str)  # nothing polls it
+    begun = time.monotonic()
+    with pytest.raises(DoorTaken):
+        RecorderDoor(busy.path, str)
+    assert time.monotonic() - begun < 10
+    busy.close()
+
+
+def test_a_recorder_that_ends_leaves_the_socket_of_its_successor(tmp_path: Path) -> None:
+    first = RecorderDoor(tmp_path / "a.flight", str)
+    first.path.rename(tmp_path / "moved")  # so that it can be bound again while the first one lives
+    second = RecorderDoor(first.path, str)
+    first.close()
+    assert second.path.exists()
+    second.close()
+    assert not second.path.exists()
 
 
 def test_when_a_recording_ends() -> None:

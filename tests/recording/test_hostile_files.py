@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import csv
+import json
 import os
 import random
 import resource
+import shlex
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
 
@@ -17,7 +20,15 @@ from mcap.writer import CompressionType, Writer
 from recording_lab import write
 
 from urbihw.cli.main import main
-from urbihw.recording.reading import MOST_CHUNK_BYTES, Recording, UnreadableRecording, in_order
+from urbihw.cli.replay import serve_command
+from urbihw.recording.reading import (
+    MOST_CHUNK_BYTES,
+    MOST_SORTED,
+    RecordedMessage,
+    Recording,
+    UnreadableRecording,
+    in_order,
+)
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER = b"\x01" + struct.pack("<Q", 8) + bytes(8)
@@ -95,6 +106,90 @@ def test_what_stands_before_the_damage_is_read(tmp_path: Path) -> None:
     path.write_bytes(stream.getvalue() + record(0x06, b"rubbish"))
     recording = Recording(path)
     assert len(list(recording.messages())) == 20 and "damaged after" in recording.damage
+
+
+def test_what_stands_before_the_damage_of_a_chunk_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    channel = record(0x04, struct.pack("<HHI3sI3sI", 1, 0, 3, b"/ab", 3, b"raw", 0))
+    message = record(0x05, struct.pack("<HIQQ", 1, 0, 7, 7) + b"abc")
+    data = channel + message + record(0x05, b"\1")
+    path.write_bytes(MAGIC + HEADER + chunk(b"", data, len(data)))
+    recording = Recording(path)
+    assert [each.data for each in recording.messages()] == [b"abc"] and "damaged after" in recording.damage
+
+
+def test_only_some_bytes_are_sorted_at_a_time() -> None:
+    most, taken, given = 0, 0, 0
+    data = bytes(1 << 20)
+
+    def many() -> Iterator[RecordedMessage]:
+        nonlocal taken
+        for number in range(100):
+            taken += len(data)
+            yield RecordedMessage("/wire/rx", -number / 1000, data)
+
+    for message in in_order(many()):
+        most = max(most, taken - given)
+        given += len(message.data)
+    assert most <= MOST_SORTED + len(data) and given == 100 << 20
+
+
+EVIL = "=cmd|x\x1b]0;evil\x07\n"
+DEEP = b"[" * 3000 + b"]" * 3000
+HOSTILE_WORDS = [
+    ("/statistics", b'{"rate":1' + b"0" * 400 + b',"late":0,"load":1,"errors":{}}'),
+    ("/statistics", b'{"rate":1' + b"0" * 5000 + b',"late":0,"load":1,"errors":{}}'),
+    ("/targets", b'{"values":[["3","a",%s]]}' % DEEP),
+    ("/targets", b'{"values":[[%s,"a",1]]}' % DEEP),
+    ("/samples", b'{"values":{"3":{"a":%s}}}' % DEEP),
+    ("/samples", json.dumps({"values": {EVIL: {EVIL: EVIL}}}).encode()),
+    ("/samples", json.dumps({"values": {"3": {"b" * 1000: 1}}}).encode()),
+    ("/samples", json.dumps({"values": {"3": {"position": 512}}}).encode()),
+    ("/events", b'{"event":"Limited","device":"3","item":"a","limit":%s}' % DEEP),
+    ("/events", b'{"event":"Refused","device":%s,"item":"a","reason":""}' % DEEP),
+    ("/writers", b'{"names":{"3":%s}}' % DEEP),
+    ("/wire/state", b'{"event":"Found","devices":[{"a":"\\ud800"}]}'),
+    ("/\x1b[2J", b"\xff"),
+]
+
+
+@pytest.fixture
+def words_of_a_stranger(tmp_path: Path) -> Path:
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channels = {topic: writer.register_channel(topic, "json", 0) for topic, _ in HOSTILE_WORDS}
+        for number, (topic, data) in enumerate(HOSTILE_WORDS):
+            writer.add_message(channels[topic], number, data, number)
+        writer.finish()  # type: ignore[no-untyped-call]
+    return path
+
+
+@pytest.mark.parametrize(
+    "words", [["--kind", "all"], ["--kind", "all", "--device", "3"], ["--why", "3"], ["--csv", "--raw"]]
+)
+def test_hostile_words_are_shown_in_printable_lines(
+    words: list[str], words_of_a_stranger: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["show", str(words_of_a_stranger), *words]) == 0
+    told = capsys.readouterr()
+    lines = told.out.split("\n")
+    assert len(lines) > 1 and all(line.isprintable() and len(line) <= 400 for line in lines) and not told.err
+
+
+def test_names_of_columns_are_no_formulas(words_of_a_stranger: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["show", str(words_of_a_stranger), "--csv", "--raw"]) == 0
+    head, *rows = list(csv.reader(capsys.readouterr().out.splitlines()))
+    cell = r"'=cmd|x\x1b]0;evil\x07\n"
+    assert head == ["time", rf"{cell}.{cell[1:]}", "3.position"]
+    assert [row[1:] for row in rows] == [[cell, ""], ["", "512"]]
+
+
+def test_the_command_for_a_replay_is_safe_to_copy() -> None:
+    assert serve_command("bioloid", "pipe:a") == "urbihw serve --platform bioloid --url pipe:a"
+    command = serve_command("x; rm -r ~ \x1b[2J", "pipe:a")
+    assert command.isprintable() and shlex.split(command)[3] == r"x; rm -r ~ \x1b[2J"
 
 
 @pytest.mark.parametrize("kind", ["folder", "fifo", "missing"])

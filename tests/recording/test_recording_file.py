@@ -141,7 +141,7 @@ def test_a_part_is_the_same_with_an_index_and_without(complete: bool, tmp_path: 
     unpacked: list[Chunk] = []
     whole = reading._unpacked
 
-    def unpack(chunk: Chunk) -> Chunk:
+    def unpack(chunk: Chunk) -> bytes:
         unpacked.append(chunk)
         return whole(chunk)
 

@@ -180,7 +180,7 @@ class ControlClient:
                 return None
             # The robot must stand, whatever name the client gives itself.
             who = NAMELESS
-        who = plain_name(who, MAX_NAME_LENGTH)
+        who = plain_name(who, MAX_NAME_LENGTH) or NAMELESS
         if verb in _ESTOPS:
             return self._parse_estop(verb, who, wanted)
         rate = wanted.get("hz", 0.0)

@@ -14,6 +14,8 @@ from typing import Any, Final
 
 _DEEPEST: Final = 20
 """Levels of a value that is converted as a whole."""
+_LONGEST_BITS: Final = 10_000
+"""Bits of a number that is written in digits: Python refuses some thousand digits, since they take long."""
 
 
 def message_event(message: Any) -> dict[str, Any]:
@@ -32,7 +34,7 @@ def event_line(event: Mapping[str, Any]) -> bytes:
     try:
         text = json.dumps(event, separators=(",", ":"), default=_known)
     except (TypeError, ValueError, RecursionError):
-        # A table with keys that JSON does not have, or a value that contains itself.
+        # A table with keys that JSON does not have, a value that contains itself, or a number too long for digits.
         text = json.dumps(_plain(event, _DEEPEST), separators=(",", ":"))
     return text.encode("utf-8", "backslashreplace") + b"\n"
 
@@ -47,17 +49,30 @@ def _known(value: Any) -> Any:
         return f"{len(value)} bytes"
     if is_dataclass(value) and not isinstance(value, type):
         return {each.name: getattr(value, each.name) for each in fields(value)}
-    return str(value)
+    return _text(value)
+
+
+def _text(value: Any) -> str:
+    """A value in words, also one that has none."""
+    if isinstance(value, int) and value.bit_length() > _LONGEST_BITS:
+        return f"a number of {value.bit_length()} bits"
+    try:
+        return str(value)
+    except Exception:
+        # What a value of a driver or a platform does when it is asked is its own affair, and the worker goes on.
+        return f"a {type(value).__name__}"
 
 
 def _plain(value: Any, depth: int) -> Any:
     """The same for a value as a whole, to a depth."""
+    if isinstance(value, int) and value.bit_length() > _LONGEST_BITS:
+        return _text(value)
     if value is None or isinstance(value, str | int | float | bool):
         return value
     if depth == 0:
         return "..."
     if isinstance(value, Mapping):
-        return {str(key): _plain(inner, depth - 1) for key, inner in value.items()}
+        return {_text(key): _plain(inner, depth - 1) for key, inner in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(inner, depth - 1) for inner in value]
     return _plain(_known(value), depth - 1)

@@ -48,6 +48,7 @@ class TrafficLog:
         self._wanted = False
         self._opening: list[Row] = []
         self._opening_size = 0
+        self._opening_lost = 0
         self._opening_until = 0.0
 
     def hear(self, message: FromWorker) -> None:
@@ -66,7 +67,7 @@ class TrafficLog:
 
     def begin(self, port: Port) -> None:
         """Keep what a port that was just opened moves in its first seconds."""
-        self._opening, self._opening_size = [], 0
+        self._opening, self._opening_size, self._opening_lost = [], 0, 0
         self._opening_until = self._clock.now() + OPENING_S
         port.observer = self._add
 
@@ -91,17 +92,18 @@ class TrafficLog:
 
     def opening(self) -> Iterator[dict[str, Any]]:
         """Return the first seconds of the link, without what the next `take` returns, as events to be sent one a tick:
-        to make all of them at once would take longer than a tick."""
+        to make all of them at once would take longer than a tick. What had no room is counted in one more event."""
         fresh = {id(row) for row in self._chunks}
         rows = [row for row in self._opening if id(row) not in fresh]
-        return ({**_event(part, 0), "opening": True} for part in _batched(rows, OPENING_ROWS))
+        events: list[tuple[Sequence[Row], int]] = [(part, 0) for part in _batched(rows, OPENING_ROWS)]
+        if self._opening_lost:
+            events.append(([], self._opening_lost))
+        return ({**_event(part, lost), "opening": True} for part, lost in events)
 
     def _add(self, direction: str, data: bytes) -> None:
         row = (self._clock.now(), direction, data)
-        room = self._opening_size + len(data) <= MOST_OPENING_BYTES and len(self._opening) < MOST_OPENING_ROWS
-        if row[0] < self._opening_until and room:
-            self._opening.append(row)
-            self._opening_size += len(data)
+        if row[0] < self._opening_until:
+            self._add_opening(row)
         if not self._wanted:
             return
         self._chunks.append(row)
@@ -109,6 +111,15 @@ class TrafficLog:
         while len(self._chunks) > MOST_CHUNKS or (self._size > MOST_BYTES and len(self._chunks) > 1):
             self._size -= len(self._chunks.popleft()[2])
             self._lost += 1
+
+    def _add_opening(self, row: Row) -> None:
+        """Keep a row of the first seconds. Behind the first one without room none is kept, so that there is no gap."""
+        size = self._opening_size + len(row[2])
+        if self._opening_lost or size > MOST_OPENING_BYTES or len(self._opening) >= MOST_OPENING_ROWS:
+            self._opening_lost += 1
+            return
+        self._opening.append(row)
+        self._opening_size = size
 
 
 def _event(rows: Iterable[Row], lost: int) -> dict[str, Any]:

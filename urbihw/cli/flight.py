@@ -18,7 +18,7 @@ from urbihw.exitcodes import EX_OK
 from urbihw.recording.flight import FlightMemory
 from urbihw.recording.flight_recorder import PREFIX, FlightRecorder
 from urbihw.recording.recorder import RobotRecorder
-from urbihw.recording.recording_file import SUFFIX, RecordingFile
+from urbihw.recording.recording_file import SUFFIX, RecordingFile, RecordingRefused
 from urbihw.recording.records import RecordMaker
 
 BEAT_S: Final = 1.0
@@ -71,7 +71,7 @@ def serve_flight(control: Path, platform: str, folder: Path, seconds: float) -> 
         return begin_file(folder / name, platform)
 
     memory = FlightMemory(seconds)
-    flight = FlightRecorder(memory, maker, folder, begin)
+    flight = FlightRecorder(memory, maker, folder, begin, lambda: line.has_ended(time.monotonic()))
     with closing(RobotFeeds(control)) as feeds:
         recorder = RobotRecorder(feeds.queue, maker, [memory])
         recorder.heard = lambda word: flight.hear(word, time.monotonic())
@@ -91,7 +91,10 @@ def serve_flight(control: Path, platform: str, folder: Path, seconds: float) -> 
 def _answered(flight: FlightRecorder, verb: str) -> str:
     if verb != "last":
         return ""
-    return str(flight.write("asked") or flight.problem)
+    path = flight.write("asked")
+    if path is None:
+        raise RecordingRefused(flight.problem)
+    return str(path)
 
 
 def _tell(flight: FlightRecorder, path: Path | None) -> None:

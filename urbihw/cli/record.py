@@ -83,7 +83,7 @@ def control_socket(given: Path | None) -> Path:
 
 
 def ask_recorder(control: Path, what: str) -> str:
-    """Ask the recorder of a robot; returns what it tells.  Raises CliRefused."""
+    """Ask the recorder of a robot; returns what it tells.  Raises CliRefused, RecordingRefused."""
     try:
         return ask(control.with_suffix(_DOORS[what]), what)
     except (OSError, ValueError) as error:

@@ -6,7 +6,6 @@ import contextlib
 import sys
 import time
 from collections.abc import Callable, Mapping
-from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +16,7 @@ from urbihw.exitcodes import EX_CONFIG, EX_UNAVAILABLE
 from urbihw.recording.door import DoorTaken, RecorderDoor
 from urbihw.recording.feed import DaemonFeed, LineQueue, SocketFeed, WorkerFeed
 from urbihw.recording.recording_file import RecordingFile, RecordingRefused
+from urbihw.release import installed_version
 
 FILE_DOOR: Final = ".recording"
 """End of the name of the socket of who records into a file."""
@@ -37,7 +37,7 @@ def about(platform: str) -> Mapping[str, str]:
     """What a file tells of itself; never a secret."""
     return {
         "platform": platform,
-        "version": version("urbihw"),
+        "version": installed_version(),
         "python": sys.version.split()[0],
         "monotonic0": f"{time.monotonic():.6f}",
         "realtime0": f"{time.time():.6f}",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import os
+import shlex
 import signal
 import sys
 import tempfile
@@ -17,6 +18,7 @@ from urbihw.exitcodes import EX_CONFIG, EX_NOINPUT, EX_OK
 from urbihw.kernel.uobject import NotReady
 from urbihw.recording.reading import Recording, UnreadableRecording
 from urbihw.recording.wire import capture_lines
+from urbihw.settings import escape_unprintable
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -53,6 +55,11 @@ def _write_capture(file: Path, capture: Path) -> str:
     return recording.head.about.get("platform", "")
 
 
+def serve_command(platform: str, url: str) -> str:
+    """The command that serves a replay, to be copied into a shell; the platform is what the file says."""
+    return f"urbihw serve --platform {shlex.quote(escape_unprintable(platform)) if platform else 'NAME'} --url {url}"
+
+
 def _play(capture: Path, platform: str, options: argparse.Namespace) -> int:
     where = ("--tcp", str(options.tcp)) if options.tcp else ("--pty", *filter(None, (options.pty,)))
     strict = ("--strict",) if options.strict else ()
@@ -62,7 +69,7 @@ def _play(capture: Path, platform: str, options: argparse.Namespace) -> int:
     fake = Fake(("replay", str(capture), *where, "--speed", f"{options.speed:g}", *strict, "--until-eof"))
     try:
         url = asyncio.run(fake.url())
-        print(f"{url}  (urbihw serve --platform {platform or 'NAME'} --url {url})", flush=True)
+        print(f"{url}  ({serve_command(platform, url)})", flush=True)
         while not ended.wait(3600.0):
             pass
         print(fake.tell("compare"))

@@ -15,7 +15,6 @@ import zipfile
 from collections.abc import Iterator
 from contextlib import closing
 from datetime import datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import IO, Final
 
@@ -25,9 +24,12 @@ from urbihw.cli.record import ask_recorder, control_socket
 from urbihw.cli.recordings import RobotFeeds, begin_file, platform_for
 from urbihw.exitcodes import EX_CONFIG, EX_OK
 from urbihw.kernel.uobject import BadConfig
+from urbihw.recording import topics
+from urbihw.recording.reading import Recording, UnreadableRecording
 from urbihw.recording.recorder import RobotRecorder
-from urbihw.recording.recording_file import RecordingRefused
-from urbihw.recording.records import RecordMaker
+from urbihw.recording.recording_file import RecordingFile, RecordingRefused
+from urbihw.recording.records import RecordMaker, TopicRecord
+from urbihw.release import installed_version
 
 RECORDED_S: Final = 5.0
 """Seconds that are recorded where there is no flight recorder."""
@@ -37,7 +39,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     """The options of ``urbihw report``."""
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="the file (default: one here, with the time)")
     parser.add_argument("--no-clients", action="store_false", dest="clients",
-                        help="without a flight recorder: leave out what clients send and get, the log and the settings")
+                        help="leave out what clients send and get, the log and the settings")
     parser.add_argument("--platform", metavar="NAME", help="of the robot, where its socket does not tell")
     parser.add_argument("--socket", type=Path, metavar="PATH", help="control socket of the robot")
 
@@ -68,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
 def about(robot: str, note: str) -> str:
     """Versions of urbihw and of the system, as lines."""
     return (
-        f"urbihw {version('urbihw')}, platform {robot}\n"
+        f"urbihw {installed_version()}, platform {robot}\n"
         f"Python {sys.version.split()[0]}\n"
         f"{platform.system()} {platform.release()} {platform.machine()}\n"
         f"recording.mcap: {note}\n"
@@ -94,8 +96,29 @@ def _recording(socket: Path, robot: str, folder: Path, clients: bool) -> tuple[P
 
     Raises CliRefused, BadConfig, RecordingRefused.
     """
-    with contextlib.suppress(CliRefused):
-        return Path(ask_recorder(socket, "last")), "the last minutes, of the flight recorder"
+    try:
+        last = Path(ask_recorder(socket, "last"))
+    except (CliRefused, RecordingRefused) as error:
+        return _fresh_recording(socket, robot, folder, clients), f"{RECORDED_S:g} s ({error})"
+    return last if clients else without_clients(last, folder), "the last minutes, of the flight recorder"
+
+
+def without_clients(recording: Path, folder: Path) -> Path:
+    """A copy without what the daemon told of clients, its log and its settings.  Raises CliRefused, RecordingRefused.
+    """
+    try:
+        source = Recording(recording)
+    except UnreadableRecording as error:
+        raise CliRefused(str(error), EX_CONFIG) from error
+    copy = RecordingFile(folder / "last.mcap", source.head.begun_ns, source.head.about)
+    for message in source.messages(topics.TOPICS.keys() - topics.OF_DAEMON):
+        copy.add(TopicRecord(*message))
+        copy.keep(message.time)
+    return copy.close()
+
+
+def _fresh_recording(socket: Path, robot: str, folder: Path, clients: bool) -> Path:
+    """A file with some seconds from now on.  Raises CliRefused, BadConfig, RecordingRefused."""
     maker = RecordMaker()
     with closing(RobotFeeds(socket, clients)) as feeds:
         file = begin_file(folder / "now.mcap", robot)
@@ -103,7 +126,7 @@ def _recording(socket: Path, robot: str, folder: Path, clients: bool) -> tuple[P
         end = time.monotonic() + RECORDED_S
         while time.monotonic() < end and not file.problem:
             recorder.step(time.monotonic)
-        return file.close(), f"{RECORDED_S:g} s, as there is no flight recorder (setting flight)"
+        return file.close()
 
 
 @contextlib.contextmanager

@@ -14,7 +14,7 @@ from urbihw.cli.options import CliRefused, complain
 from urbihw.exitcodes import EX_NOINPUT, EX_OK
 from urbihw.recording.reading import Recording, UnreadableRecording, in_order
 from urbihw.recording.reasons import DeviceReasons
-from urbihw.recording.showing import KINDS, USUAL, devices_of, line_of
+from urbihw.recording.showing import KINDS, USUAL, devices_of, line_of, shown_line
 from urbihw.recording.table import write_csv
 from urbihw.recording.wire import capture_lines
 
@@ -67,7 +67,7 @@ def _run(options: argparse.Namespace) -> int:
         for message in in_order(recording.messages(until=options.at)):
             reasons.hear(message)
         for line in reasons.lines():
-            print("".join(sign if sign.isprintable() else "?" for sign in line))
+            print(shown_line(line))
     else:
         _show(recording, options)
     if recording.damage:

@@ -41,13 +41,19 @@ Statement = Callable[[Native, str], str]
 class LeaseTerm:
     """A lease of a connection: seconds of silence until the server stops what the connection has moved.
 
+    Raises ValueError for a lease without a time: the library would give signs of life without a pause.
+
     Attributes:
-        seconds: 0.1 to 3600.
+        seconds: 0.1 to 3600, which the server checks.
         fed: whether the library gives the signs of life, as long as the program is not held; else the program does.
     """
 
     seconds: float
     fed: bool
+
+    def __post_init__(self) -> None:
+        if not self.seconds > 0:
+            raise ValueError(f"a lease lasts for 0.1 s to 3600 s, not {self.seconds:g} s")
 
     @property
     def pause(self) -> float:

@@ -125,7 +125,8 @@ class Robot(UrbiObject):
         What this connection moves stops when its program is held for so long (0.1 to 3600 s), and at the end of the
         block, also by an exception.  With ``fed=False`` the library gives no sign of life: the program calls ``feed``
         of the lease, or any command, when the one for whom it moves the robot has given one.  A lease counts for all
-        of the connection; one inside another one takes its place.
+        of the connection; one inside another one takes its place.  Raises ValueError for ``seconds`` that are not
+        above 0.
         """
         return RequestLease(self._connection, seconds, fed)
 

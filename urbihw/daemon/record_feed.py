@@ -12,6 +12,7 @@ import contextlib
 import json
 import os
 import re
+import socket
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -49,11 +50,19 @@ class RecordFeed:
 
     async def start(self) -> None:
         """Listen beside the control socket.  Raises OSError."""
+        with contextlib.suppress(FileNotFoundError):
+            self._path.unlink()
+        listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        # Nothing else may run meanwhile: the mask is that of the whole process.
         before = os.umask(0o177)
         try:
-            self._server = await asyncio.start_unix_server(self._connected, self._path)
+            listener.bind(str(self._path))
+        except OSError:
+            listener.close()
+            raise
         finally:
             os.umask(before)
+        self._server = await asyncio.start_unix_server(self._connected, sock=listener)
 
     def add_log(self, entry: Mapping[str, Any]) -> None:
         """Tell a line of the log (``urbihw.kernel.server.log_tap``)."""

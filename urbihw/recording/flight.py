@@ -59,11 +59,14 @@ class FlightMemory:
         while self._packed and now - self._packed[0].time > self._seconds:
             self._forget_oldest()
 
-    def records(self) -> Iterator[TopicRecord]:
-        """Yield what is kept, in the order in which it was added."""
+    def seconds(self) -> Iterator[list[TopicRecord]]:
+        """Yield what is kept, in the order in which it was added: a second at a time, ``MOST_SECOND_BYTES`` at most.
+
+        Only one second is unpacked at a time.
+        """
         for second in tuple(self._packed):
-            yield from (TopicRecord(*row) for row in marshal.loads(zlib.decompress(second.data)))
-        yield from (TopicRecord(*row) for row in tuple(self._fresh))
+            yield [TopicRecord(*row) for row in marshal.loads(zlib.decompress(second.data))]
+        yield [TopicRecord(*row) for row in self._fresh]
 
     def _pack(self, now: float) -> None:
         if not self._fresh:

@@ -1,18 +1,19 @@
 """Writes the last minutes into a file: on request, and by itself when something has gone wrong.
 
 It waits some seconds, so that the file also has what came of it; then it writes nothing for a while by itself, since
-what has failed often fails again. The oldest of its files are removed.
+what has failed often fails again. The oldest of its files are removed. A file is written second by second, so that
+neither memory nor the time between two signs of life grows with it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
 from urbihw.recording.flight import FlightMemory
-from urbihw.recording.recording_file import PART, SUFFIX, RecordingFile, RecordingRefused
-from urbihw.recording.records import RecordMaker
+from urbihw.recording.recording_file import FLUSH_S, PART, SUFFIX, RecordingFile, RecordingRefused
+from urbihw.recording.records import RecordMaker, TopicRecord
 
 PREFIX: Final = "flight-"
 """What the names of the files begin with."""
@@ -27,19 +28,27 @@ MOST_FILES: Final = 20
 class FlightRecorder:
     """The last minutes of one robot; ``begin`` makes a file, whose reason it gets.
 
+    ``alive`` is called after each second that is written, to give a sign of life.
+
     Attributes:
         memory: what is kept.
         problem: why the last file could not be written; "" if it could.
     """
 
     def __init__(
-        self, memory: FlightMemory, maker: RecordMaker, folder: Path, begin: Callable[[str], RecordingFile]
+        self,
+        memory: FlightMemory,
+        maker: RecordMaker,
+        folder: Path,
+        begin: Callable[[str], RecordingFile],
+        alive: Callable[[], object],
     ) -> None:
         self.memory = memory
         self.problem = ""
         self._maker = maker
         self._folder = folder
         self._begin = begin
+        self._alive = alive
         self._reason = ""
         self._due = float("inf")
         self._quiet_until = 0.0
@@ -69,13 +78,23 @@ class FlightRecorder:
         except RecordingRefused as error:
             self.problem = str(error)
             return None
-        kept = list(self.memory.records())
-        first = kept[0].time if kept else float("inf")
-        for record in (*(each for each in self._maker.beginning if each.time < first), *kept):
-            file.add(record)
+        for number, records in enumerate(self._steps(), 1):
+            for record in records:
+                file.add(record)
+            # Each step counts as a second of the file, however fast it is written: so its bounds are looked at.
+            file.keep(number * FLUSH_S)
+            self._alive()
+            if file.problem:
+                break
         self.problem, path = file.problem, file.close()
         self._remove_oldest()
         return path
+
+    def _steps(self) -> Iterator[list[TopicRecord]]:
+        """Yield the records of the beginning that are no longer kept, then each second that is."""
+        first = next((records[0].time for records in self.memory.seconds() if records), float("inf"))
+        yield [each for each in self._maker.beginning if each.time < first]
+        yield from self.memory.seconds()
 
     def _remove_oldest(self) -> None:
         files = [path for end in (SUFFIX, SUFFIX + PART) for path in self._folder.glob(f"{PREFIX}*{end}")]

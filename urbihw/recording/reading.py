@@ -27,6 +27,12 @@ MOST_CHUNK_BYTES: Final = 64 << 20
 MOST_CHANNELS: Final = 1000
 MOST_TEXT: Final = 1 << 20
 """Bytes of a message in JSON at most."""
+MOST_SORTED: Final = 16 << 20
+"""Bytes of the messages that are sorted at a time."""
+NO_SENSE: Final = (KeyError, ValueError, TypeError, AttributeError, IndexError, OverflowError, RecursionError)
+"""What is raised by who takes a message for what it is not: anything may stand in the file of a stranger."""
+_MESSAGE_COST: Final = 300
+"""Bytes of a message in memory, besides its data."""
 _MAGIC: Final = b"\x89MCAP0\r\n"
 
 
@@ -139,7 +145,7 @@ class Recording:
         self, file: IO[bytes], about: dict[str, str], window: tuple[float, float]
     ) -> Iterator[tuple[str, int, bytes]]:
         from mcap.records import Channel, Chunk, Message, Metadata
-        from mcap.stream_reader import StreamReader, breakup_chunk
+        from mcap.stream_reader import StreamReader
 
         topics = _indexed_topics(file) if window != (-math.inf, math.inf) else {}
         has_index = bool(topics)
@@ -161,7 +167,7 @@ class Recording:
                 begin, end = record.message_start_time / 1e9, record.message_end_time / 1e9
                 if has_index and (end < window[0] or begin > window[1]):
                     continue
-                for inner in breakup_chunk(_unpacked(record)):
+                for inner in _inner_records(_unpacked(record)):
                     yield from told(inner)
             else:
                 yield from told(record)
@@ -198,18 +204,34 @@ def _open(path: Path) -> IO[bytes]:
     return file
 
 
-def _unpacked(chunk: Chunk) -> Chunk:
-    """Return a chunk without compression.  Raises ValueError if it would have more bytes than it says, or too many."""
-    from dataclasses import replace
+def _inner_records(data: bytes) -> Iterator[McapRecord]:
+    """Yield the channels and messages of a chunk, one at a time: all of them take many times the memory of its bytes.
+    """
+    from mcap.data_stream import ReadDataStream
+    from mcap.opcode import Opcode
+    from mcap.records import Channel, Message
 
+    stream = ReadDataStream(BytesIO(data))
+    while stream.count < len(data):
+        kind, length = stream.read1(), stream.read8()
+        if kind == Opcode.MESSAGE:
+            yield Message.read(stream, length)
+        elif kind == Opcode.CHANNEL:
+            yield Channel.read(stream)
+        else:
+            stream.read(length)
+
+
+def _unpacked(chunk: Chunk) -> bytes:
+    """Return the bytes of a chunk.  Raises ValueError if it would have more than it says, or too many."""
     if chunk.uncompressed_size > MOST_CHUNK_BYTES:
         raise ValueError("a chunk is too large")
     if not chunk.compression:
-        return chunk
+        return chunk.data
     data = _unpack(chunk.compression, chunk.data, chunk.uncompressed_size)
     if len(data) != chunk.uncompressed_size:
         raise ValueError("a chunk has another size than it says")
-    return replace(chunk, compression="", data=data)
+    return data
 
 
 def _unpack(kind: str, data: bytes, size: int) -> bytes:
@@ -226,17 +248,21 @@ def _unpack(kind: str, data: bytes, size: int) -> bytes:
     raise ValueError("an unknown compression")
 
 
-def in_order(messages: Iterator[RecordedMessage], window: float = 1.0, most: int = 20_000) -> Iterator[RecordedMessage]:
+def in_order(messages: Iterator[RecordedMessage], window: float = 1.0) -> Iterator[RecordedMessage]:
     """Yield messages by their times: within a tick a worker tells samples before the bytes that brought them.
 
-    Those are sorted that are at most ``window`` seconds out of order, and never more than ``most`` at a time.
+    Those are sorted that are at most ``window`` seconds out of order, and never more than ``MOST_SORTED``
+    bytes at a time.
     """
     waiting: list[tuple[float, int, RecordedMessage]] = []
-    newest = float("-inf")
+    newest, size = float("-inf"), 0
     for number, message in enumerate(messages):
         newest = max(newest, message.time)
         heapq.heappush(waiting, (message.time, number, message))
-        while waiting and (waiting[0][0] < newest - window or len(waiting) > most):
-            yield heapq.heappop(waiting)[2]
+        size += len(message.data) + _MESSAGE_COST
+        while waiting and (waiting[0][0] < newest - window or size > MOST_SORTED):
+            first = heapq.heappop(waiting)[2]
+            size -= len(first.data) + _MESSAGE_COST
+            yield first
     while waiting:
         yield heapq.heappop(waiting)[2]

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Final, NamedTuple
 
 from urbihw.recording import topics
-from urbihw.recording.reading import RecordedMessage
+from urbihw.recording.reading import NO_SENSE, RecordedMessage
 
 FRESH_S: Final = 0.2
 """Seconds by which a measured value may be older than the newest one of the device."""
@@ -18,7 +18,7 @@ class _Said(NamedTuple):
     """What was said last of something, and when."""
 
     time: float
-    what: Any
+    what: str
 
 
 class DeviceReasons:
@@ -43,7 +43,7 @@ class DeviceReasons:
         """Take a message in; one without sense is passed over."""
         try:
             self._hear(message)
-        except (KeyError, ValueError, TypeError, AttributeError, IndexError):
+        except NO_SENSE:
             return
 
     def lines(self) -> Iterator[str]:
@@ -100,7 +100,7 @@ class DeviceReasons:
             found = [why for name, why in told["devices"].items() if name in self._names]
             self._say("held", time, f"held: {found[0]}" if found else "")
         elif kind == "Limited" and mine:
-            self._limited[str(told["item"])] = _Said(time, told["limit"])
+            self._limited[str(told["item"])] = _Said(time, str(told["limit"] or ""))
         elif kind == "Refused" and mine:
             self._say("refused", time, f"refused {told['item']}: {told['reason']}")
         elif kind == "DeviceState" and mine:
@@ -113,12 +113,12 @@ class DeviceReasons:
         for device, item, value in rows:
             if str(device) in self._names:
                 self._known = True
-                table[str(item)] = _Said(time, value)
+                table[str(item)] = _Said(time, str(value))
 
     def _note_writer(self, names: Mapping[str, str], time: float) -> None:
         for device, name in names.items():
             if device in self._names:
-                self._say("writer", time, name)
+                self._say("writer", time, str(name))
 
     def _say(self, word: str, time: float, what: str) -> None:
         self._words[word] = _Said(time, what)

@@ -62,7 +62,8 @@ def words_of(record: TopicRecord) -> Sequence[str]:
     told: dict[str, Any] = RecordedMessage(record.topic, record.time, record.data).content()
     kind = told.get("event")
     found = []
-    if kind == "Latched" and told.get("reason"):
+    # A release that leaves others, or is refused, tells the holder that is left; a press has a ``who`` and frees none.
+    if kind == "Latched" and told.get("who") and told.get("reason") and not told.get("freed"):
         found.append("estop")
     if kind == "Stopped" and told.get("devices") is None:
         found.append("stop")

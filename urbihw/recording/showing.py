@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from urbihw.recording import topics
-from urbihw.recording.reading import RecordedMessage
+from urbihw.recording.reading import NO_SENSE, RecordedMessage
+from urbihw.settings import escape_unprintable
 
 KINDS: Final[Mapping[str, tuple[str, ...]]] = {
     "wire": (topics.WIRE_OUT, topics.WIRE_IN),
@@ -31,10 +32,14 @@ def line_of(message: RecordedMessage) -> str:
     """Return a message as a line, without control characters; one without sense is shown as such."""
     try:
         kind, text = _SHOW[message.topic](message)
-    except (KeyError, ValueError, TypeError, AttributeError, IndexError):
+    except NO_SENSE:
         kind, text = message.topic.strip("/")[:12], f"{len(message.data)} bytes that are not understood"
-    line = f"{message.time:12.6f}  {kind:10} {text}"
-    line = "".join(sign if sign.isprintable() else "?" for sign in line)
+    return shown_line(f"{message.time:12.6f}  {kind:10} {text}")
+
+
+def shown_line(text: str) -> str:
+    """Return a text of a recording as one line for a terminal: printable, and not too long."""
+    line = escape_unprintable(text[: _MOST_LINE + 1])
     return line if len(line) <= _MOST_LINE else line[: _MOST_LINE - 3] + "..."
 
 
@@ -52,7 +57,7 @@ def devices_of(message: RecordedMessage) -> set[str]:
         if isinstance(several, list) and message.topic == topics.EVENTS:
             return {str(each) for each in several}
         return {str(told["device"])} if "device" in told else set()
-    except (KeyError, ValueError, TypeError, IndexError):
+    except NO_SENSE:
         return set()
 
 

@@ -7,12 +7,15 @@ from collections.abc import Collection, Iterator
 from typing import TYPE_CHECKING, Final
 
 from urbihw.recording import topics
-from urbihw.recording.reading import RecordedMessage, Recording, UnreadableRecording
+from urbihw.recording.reading import NO_SENSE, RecordedMessage, Recording, UnreadableRecording
+from urbihw.settings import escape_unprintable
 
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
 
 MOST_COLUMNS: Final = 10_000
+MOST_NAME: Final = 200
+"""Characters of the name of a column at most."""
 
 
 def write_csv(recording: Recording, wanted: Collection[str], stream: SupportsWrite[str], *, raw: bool) -> int:
@@ -37,7 +40,7 @@ def write_csv(recording: Recording, wanted: Collection[str], stream: SupportsWri
     count = 0
     for message, row in _rows(recording, topic):
         if any(name in row for name in chosen):
-            writer.writerow([f"{message.time:.6f}", *(_cell(row.get(name, "")) for name in chosen)])
+            writer.writerow([f"{message.time:.6f}", *(row.get(name, "") for name in chosen)])
             count += 1
     return count
 
@@ -46,14 +49,28 @@ def _rows(recording: Recording, topic: str) -> Iterator[tuple[RecordedMessage, d
     for message in recording.messages((topic,)):
         try:
             values = message.content()["values"]
-            row = {f"{device}.{item}": value for device, items in values.items() for item, value in items.items()}
-        except (KeyError, ValueError, AttributeError):
+            row = {
+                _name(device, item): _cell(value) for device, items in values.items() for item, value in items.items()
+            }
+        except NO_SENSE:
             continue
         yield message, row
 
 
+def _name(device: str, item: str) -> str:
+    """The name of a column.  Raises ValueError for one that is too long."""
+    if len(device) + len(item) > MOST_NAME:
+        raise ValueError("too long")
+    return _text(f"{device}.{item}")
+
+
 def _cell(value: object) -> object:
-    """A value as a cell: a text that a spreadsheet would take for a formula is quoted."""
-    if isinstance(value, str) and value[:1] in ("=", "+", "-", "@"):
-        return f"'{value}"
-    return "" if value is None else value
+    """A value as a cell: a number, or a text."""
+    if value is None or isinstance(value, int | float):
+        return "" if value is None else value
+    return _text(str(value))
+
+
+def _text(text: str) -> str:
+    """A text as a cell, in printable characters: what a spreadsheet would take for a formula is quoted."""
+    return escape_unprintable(f"'{text}" if text[:1] in ("=", "+", "-", "@") else text)

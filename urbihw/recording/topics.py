@@ -25,6 +25,8 @@ LOG: Final = "/log"
 TYPED: Final = "/console/in"
 ANSWERED: Final = "/console/out"
 SETTINGS: Final = "/settings"
+OF_DAEMON: Final = frozenset({LOG, TYPED, ANSWERED, SETTINGS})
+"""What the daemon tells, beside the worker: what clients send and get, the log and the settings."""
 
 
 class TopicKind(NamedTuple):

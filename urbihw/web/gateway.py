@@ -6,11 +6,11 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import Mapping
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any, Final
 
 from aiohttp import WSCloseCode, web
 
+from urbihw.release import installed_version
 from urbihw.repeats import LimitedLog
 from urbihw.web.asked import WebRefusal
 from urbihw.web.connections import Handler
@@ -50,7 +50,7 @@ class Gateway:
     def __init__(self, settings: WebSettings, port: int) -> None:
         self.settings = settings
         self.port = port
-        self.version = _version()
+        self.version = installed_version()
         self.limited_log = LimitedLog(log)
         self.pairings = Pairings(settings.folder)
         self.robot = WatchedRobot(settings)
@@ -197,10 +197,3 @@ def _bound_buffer(request: web.Request) -> None:
     plain = transport.get_extra_info("socket") if transport is not None else None
     if plain is not None:
         plain.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-
-
-def _version() -> str:
-    try:
-        return version("urbihw")
-    except PackageNotFoundError:
-        return ""
