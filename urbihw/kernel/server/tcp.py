@@ -82,7 +82,7 @@ class Server:
         self._arriving: set[asyncio.Task[bool]] = set()
         self._expected: set[socket.socket] = set()
         self._eras: dict[socket.socket, int] = {}
-        """Of connections that begin: the era that ended while they held unread bytes."""
+        """The era that ended while a connection that begins held unread bytes."""
         self._disconnect_watcher: DisconnectWatcher | None = None
         self._loop = asyncio.get_running_loop()
         driver.scheduler.add_round_hook(self._round_over)
