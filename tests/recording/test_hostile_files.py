@@ -9,6 +9,7 @@ import random
 import resource
 import shlex
 import struct
+import sys
 from collections.abc import Callable, Iterator
 from io import BytesIO
 from pathlib import Path
@@ -151,6 +152,15 @@ HOSTILE_WORDS = [
     ("/wire/state", b'{"event":"Found","devices":[{"a":"\\ud800"}]}'),
     ("/\x1b[2J", b"\xff"),
 ]
+
+
+@pytest.fixture(autouse=True)
+def own_recursion_limit() -> Iterator[None]:
+    """The limit of a command: a kernel of another test has raised that of this process."""
+    before = sys.getrecursionlimit()
+    sys.setrecursionlimit(1000)
+    yield
+    sys.setrecursionlimit(before)
 
 
 @pytest.fixture

@@ -87,7 +87,7 @@ class ServoDriver(Driver):
         self._unread: set[int] = set()
         self._urgent: Callable[[], bool] = no_stop
         self._moved: set[int] = set()
-        self._kept: dict[int, KeptRegisters] = {}
+        self._kept: dict[int, tuple[str, KeptRegisters]] = {}
         self._watches: dict[tuple[int, str], float] = {}
         self._next_scan_at = 0.0
         self._told: dict[int, DeviceInfo] = {}
@@ -170,7 +170,8 @@ class ServoDriver(Driver):
         """Drop the cycle and its targets; remember which servos were moved, and what was written to them."""
         if self._cycle is not None:
             self._moved = {number for number, member in self._cycle.members.items() if member.moved}
-            self._kept |= {number: member.kept for number, member in self._cycle.members.items()}
+            members = self._cycle.members
+            self._kept |= {number: (info_of(member.device).family, member.kept) for number, member in members.items()}
             self._cycle = None
 
     def tick(self, now: float, meanwhile: Callable[[], None], urgent: Callable[[], bool] = no_stop) -> list[FromWorker]:
@@ -409,9 +410,9 @@ class ServoDriver(Driver):
         """Servos that are still of the model that they were have what was written to them; those that are there get it
         again, since they may have been without power."""
         for number in self._kept.keys() & cycle.members.keys():
-            device, before = cycle.members[number].device, self._told.get(number)
-            if before is not None and before.family == info_of(device).family:
-                cycle.members[number].kept = self._kept[number]
+            member, (family, kept) = cycle.members[number], self._kept[number]
+            if info_of(member.device).family == family:
+                member.kept = kept
         give_back(cycle, there)
 
     def _newly_found(self, cycle: Cycle, tick: Tick) -> list[FromWorker]:
