@@ -63,6 +63,19 @@ def test_raw_angle_limits_make_no_wheel_of_a_limited_joint() -> None:
     stays(lab, 1)
 
 
+@pytest.mark.parametrize("model", ["XL330-M288", "XM430-W350"])
+@pytest.mark.parametrize("raw", [1, 5])
+def test_a_joint_is_not_reversed_while_only_its_speed_is_limited(model: str, raw: int) -> None:
+    """Its count jumped by a turn, and it ran there at 8 to 10 rad/s."""
+    lab = chain(f"{model}:1", speed=1.0)
+    lab.say("motor1.load = 0|; sleep(0.3s);", 0.5)
+    assert "while limits.speed holds" in lab.say(f'motor1.writeRegister("drive_mode", {raw});', 0.5)
+    lab.say("motor1.load = 1|; motor1.val = 0.5|;")
+    fastest, _ = extremes(lab, 1, 2.0)
+    assert fastest < 1.1
+    assert lab.place(1) == pytest.approx(0.5, abs=0.02)
+
+
 def test_a_limited_wheel_stays_within_its_speed_with_raw_speeds_and_is_made_no_joint() -> None:
     lab = chain("AX-12:1", speed=0.5)
     lab.say("motor1.cwLimit = motor1.ccwLimit = 0|; sleep(0.3s);", 0.5)

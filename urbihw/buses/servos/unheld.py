@@ -34,7 +34,8 @@ _LINE: Final = {
 _SPEEDS: Final = frozenset({"goal_velocity", "goal_speed", "moving_speed"})
 """Effectors that are the speed of a wheel."""
 _FRAME: Final = frozenset({"homing_offset", "drive_mode", "multi_turn_offset", "resolution_divider"})
-"""Registers that decide which angle a count of position is."""
+"""Registers that decide which angle a count of position is, and which way and by what the servo turns: a joint whose
+count jumps is pulled there at its own speed."""
 
 
 def check_line(name: str, raw: Any) -> None:
@@ -97,7 +98,7 @@ def _explain_raw(name: str, raw: Any, rule: Limit) -> str:
         return f"it would go to an old goal while {rule.name} holds: use load = 1"
     if is_place(name):
         return f"what {name} moves is unknown while {rule.name} holds"
-    if name in _FRAME and (rule.low, rule.high) != (-math.inf, math.inf):
+    if name in _FRAME:
         return f"{name} changes what a position is while {rule.name} holds"
     return ""
 
