@@ -124,7 +124,7 @@ def test_a_robot_that_was_pushed_while_it_stood_is_not_lost(tmp_path: Path) -> N
         lab.kit.body.set_pose(0.2 * step, 0, 0)
         assert pass_time(lab, 0.5) == ""
     lab.say(AHEAD)
-    assert "path 1" in pass_time(lab, 60)
+    assert "path 1" in pass_time(lab, 20)
     assert math.dist(lab.where()[:2], (2.4, 0)) < 0.1
 
 

@@ -2,10 +2,11 @@
 
 While the pose is known each scan corrects it (``localize``), as far as the wheels allow (``belief``).  A scan whose
 readings end before the walls that the map shows says nothing: boxes or people stand there.  After ``MAX_MISFITS`` scans
-that go through walls the pose is reconsidered: a better one nearby is taken; if a place elsewhere on the map explains
-the scan better, somebody has carried the base, and it is lost; if there is none, the furniture was moved.  For a lost
-base a particle filter (``montecarlo``, in a thread) takes the scans until one place explains them.  Standing still may
-not be enough for that: a program has to turn or drive the base, the locator never does.
+that go through walls the pose is reconsidered: a better one nearby is taken (also after some odd scans of a base that
+stands, which somebody may have pushed); if a place elsewhere on the map explains the scan better, somebody has carried
+the base, and it is lost; if there is none, the furniture was moved.  For a lost base a particle filter (``montecarlo``,
+in a thread) takes the scans until one place explains them.  Standing still may not be enough for that: a program has to
+turn or drive the base, the locator never does.
 
 The corrections while the wheels turn are added up.  If they undo half of the way, the base is lost too: the laser sends
 one old scan for ever, or the wheels spin.
@@ -34,6 +35,10 @@ PRECISE: Final = 0.06
 """m of the belief's spread up to which the pose is good enough to tell walls that are gone."""
 LEAD: Final = 0.1
 """What another pose must have in ``Match.merit`` before the one that was believed."""
+ODD_SCANS: Final = 5
+"""Consecutive scans of a standing base, explained less than ``EXPLAINED``, after which it may have been pushed."""
+EXPLAINED, EXPLAINED_WELL = 0.75, 0.95
+"""A pushed base is where a pose nearby explains so much: moved furniture leaves readings that no pose explains."""
 MAX_ROUNDS: Final = 3
 """How often the whole map is searched for a better place without finding one, before the base is lost anyway."""
 MAX_FIRST_SCANS: Final = 20
@@ -117,6 +122,7 @@ class Locator:
         self._on_lost = on_lost
         self._walls: Grid | None = None
         self._doubt, self._rounds = 0.0, 0
+        self._odd = 0
         self._belief = Belief()
         self._searching = False
         self._filter: Any = None
@@ -187,6 +193,11 @@ class Locator:
         belief.move(guess)
         match, information = track_scan(walls, guess, belief.information(), belief.spread, echoes, place)
         self.score, self.is_sure = match.score, match.is_there
+        if self._was_pushed(match):
+            near = search_near(walls, match.pose, echoes, place)
+            if near.score >= EXPLAINED_WELL and near.merit >= match.merit + LEAD:
+                self._go_to(near.pose, stamp)
+                return
         if not match.is_there:
             if match.contradicts:
                 self._doubt += 1
@@ -203,6 +214,12 @@ class Locator:
         self._odometry.correct(match.pose, stamp)
 
     # ---------------------------------------------------------------- doubt
+
+    def _was_pushed(self, match: Match) -> bool:
+        """Whether somebody may have pushed the base, whose wheels stand: its belief knows nothing of that."""
+        is_odd = not self._belief.has_moved and match.score < EXPLAINED
+        self._odd = self._odd + 1 if is_odd else 0
+        return self._odd > 0 and self._odd % ODD_SCANS == 0
 
     def _reconsider(self, walls: Grid, match: Match, echoes: Sequence[Echo], place: float, stamp: float) -> None:
         """Look for a better pose nearby, then on the whole map; without one, and without a map that can be searched,
