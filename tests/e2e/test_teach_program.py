@@ -44,7 +44,7 @@ def test_a_lesson_at_a_terminal_and_a_motion_that_ends_with_its_program(
         lesson.type("\n")
         lesson.wait("2 poses")
         lesson.type("q")
-        lesson.wait("steps is kept: urbihw play steps")
+        lesson.wait(" play steps")
         assert lesson.process.wait(TIMEOUT_S) == 0
         assert lesson.settings() == lesson.at_first
         (file,) = tmp_path.rglob("steps.jsonl")
