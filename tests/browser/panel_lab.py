@@ -10,6 +10,7 @@ import json
 import os
 import re
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -172,6 +173,15 @@ class Scene:
         connection = socket.create_connection(("127.0.0.1", self.port), TIMEOUT_S)
         connection.sendall(text.encode() + b"\n")
         return connection
+
+    @contextlib.contextmanager
+    def held_daemon(self) -> Iterator[None]:
+        """The daemon stands still, and its worker goes on."""
+        self._daemon.send_signal(signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            self._daemon.send_signal(signal.SIGCONT)
 
     def log(self) -> str:
         """What daemon and gateway have said."""

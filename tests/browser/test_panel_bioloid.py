@@ -116,7 +116,7 @@ def test_the_interpreter_is_told_as_held_and_the_devices_go_on(panel: Visitor, s
     page = panel.open("plots")
     page.fill("#plot-slot", "@6.position")
     page.click("text=Add")
-    with scene.run("loop|{},\nloop|{},\nloop|{},"):  # each is ended after 2 s
+    with scene.held_daemon():
         page.wait_for_selector("#stale:has-text('interpreter')")
         count = "import('/static/cards/plots.js').then(m => m.plot.series.get('@6.position').count)"
         first = page.evaluate(count)
