@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import re
 from collections import Counter
-from collections.abc import Iterator
 
 import pytest
 
@@ -85,12 +84,6 @@ CALLBACKS = {
 }  # fmt: skip
 
 
-def collect() -> None:
-    """Take back all garbage: that of former kernels ends their jobs, which is garbage only then."""
-    for _ in range(3):
-        gc.collect()
-
-
 class Talk:
     """A connection and its neighbour."""
 
@@ -118,12 +111,9 @@ class Talk:
 
 
 @pytest.fixture(scope="module")
-def talk() -> Iterator[Talk]:
-    """What other tests have left is frozen: each of some hundred collections would look through it."""
-    collect()
-    gc.freeze()
-    yield Talk()
-    gc.unfreeze()
+def talk(few_objects: None) -> Talk:
+    """All tests talk to one kernel."""
+    return Talk()
 
 
 @pytest.mark.parametrize("kind", CALLBACKS)

@@ -38,7 +38,6 @@ def kernel() -> Iterator[Kernel]:
     slots["digits"] = world.string("1" * LONG + "x")
     slots["kept"] = world.nil  # giving back the memory of so many objects takes Python a while
     slots["raw"] = world.string("\xff" * LONG)
-    gc.collect()
     gc.freeze()
     yield made
     gc.unfreeze()

@@ -29,7 +29,6 @@ def kernel() -> Iterator[Kernel]:
     made = Kernel()
     made.run()
     COLLECTOR.guard()  # as in a server: the objects of the other tests are not visited in the midst of a measurement
-    gc.collect()
     gc.freeze()
     yield made
     COLLECTOR.release()

@@ -132,7 +132,7 @@ def test_many_prototypes_are_searched_once(world: World) -> None:
     assert CountingDict.asked < 3 * len(protos)
 
 
-def test_nobody_is_kept_alive_by_having_been_looked_through(world: World) -> None:
+def test_nobody_is_kept_alive_by_having_been_looked_through(few_objects: None, world: World) -> None:
     parent = world.object.clone()
     gone = ref(parent)
     assert parent.clone().find("clone") is world.object

@@ -59,7 +59,7 @@ def test_each_built_in_of_the_library_finds_the_classes_of_its_arguments() -> No
 
 
 @pytest.fixture(scope="module")
-def last_world() -> weakref.ref[World]:
+def last_world(few_objects: None) -> weakref.ref[World]:
     """The world of a kernel that is closed; kernels of other fixtures are kept until the end of their test."""
     kernel = Kernel(SimClock())
     kernel.run_text(kernel.open_lobby(), "[1, 2].size;")

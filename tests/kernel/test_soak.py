@@ -6,7 +6,11 @@ import gc
 import tracemalloc
 from collections import Counter
 
+import pytest
+
 from urbihw.kernel import Kernel
+
+pytestmark = pytest.mark.usefixtures("few_objects")
 
 PROGRAM = """
 function once()
@@ -26,7 +30,7 @@ function once()
 
 
 def collect() -> None:
-    """Take back all garbage: that of former kernels ends their jobs, which is garbage only then."""
+    """Take back all garbage: a kernel that is taken back ends its jobs, which are garbage only then."""
     for _ in range(3):
         gc.collect()
 

@@ -74,7 +74,7 @@ def test_a_suggestion_has_the_names_of_the_throw() -> None:
     ]
 
 
-def test_an_unread_error_keeps_no_object_and_no_variable_alive() -> None:
+def test_an_unread_error_keeps_no_object_and_no_variable_alive(few_objects: None) -> None:
     console = Console()
     world = console.kernel.world
     searched, argument = Obj(world, [world.object]), Obj(world, [world.object])

@@ -80,7 +80,7 @@ def run(options: argparse.Namespace) -> int:
     print(f"\ninstall it: {sys.executable} -m pip install -e {root}" if options.package else "")
     print(f"serve it: {as_typed('urbihw serve')} --platform {options.name} --fake")
     if not options.package:
-        print(f"test it:  python -m pytest tests/platforms -k {options.name}")
+        print(f"test it:  python -m pytest tests/platforms -k {options.name} -m 'not long'")
     return 0
 
 
