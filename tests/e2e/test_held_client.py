@@ -18,8 +18,11 @@ pytestmark = pytest.mark.e2e
 PROGRAM = """
 import select, sys, urbihw
 robot = urbihw.connect("127.0.0.1", int(sys.argv[1]), timeout=60)
+robot.run("while (!Global.hasSlot(\\"motor7\\")) sleep(50ms)")
 try:
     with robot.lease(seconds=0.5):
+        # A program in the server does not keep the lease of its client.
+        robot.run("detach({ every| (100ms) { try { lobby.lease = 0.5 | motor7.speed = 2 } catch {} } })")
         # Again and again: a machine that is busy for half a second ends the lease, too.
         while not select.select([sys.stdin], [], [], 0.2)[0]:
             robot.run("motor7.cwLimit = 0|; motor7.ccwLimit = 0|; motor7.speed = 2")
