@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
-from faults_lab import ROOT, Daemon, Watcher, wait_for
+from faults_lab import ROOT, Client, Daemon, Watcher, wait_for
 from moving_robots import RIGS
 
 pytestmark = pytest.mark.e2e
@@ -18,8 +20,11 @@ pytestmark = pytest.mark.e2e
 PROGRAM = """
 import select, sys, urbihw
 robot = urbihw.connect("127.0.0.1", int(sys.argv[1]), timeout=60)
+robot.run("while (!Global.hasSlot(\\"motor7\\")) sleep(50ms)")
 try:
     with robot.lease(seconds=0.5):
+        # A program in the server does not keep the lease of its client.
+        robot.run("detach({ every| (100ms) { try { lobby.lease = 0.5 | motor7.speed = 2 } catch {} } })")
         # Again and again: a machine that is busy for half a second ends the lease, too.
         while not select.select([sys.stdin], [], [], 0.2)[0]:
             robot.run("motor7.cwLimit = 0|; motor7.ccwLimit = 0|; motor7.speed = 2")
@@ -53,3 +58,22 @@ def test_what_a_held_client_moves_stands_and_moves_again_when_it_goes_on(tmp_pat
         client.stdin.flush()
         wait_for(lambda: watcher.speed() == 0, "the wheel to stand when the block has been left")
         assert client.poll() is None
+        _check_backlog(daemon, watcher)
+
+
+def _check_backlog(daemon: Daemon, watcher: Watcher) -> None:
+    """What a client has sent before it was accepted, and before an emergency stop, does not move the body after the
+    release."""
+    os.kill(daemon.process.pid, signal.SIGSTOP)
+    with contextlib.closing(Client(daemon.port)) as waiting:
+        waiting.say('motor7.speed = 2; echo("first");')
+        begun = time.monotonic()
+        daemon.order(do="estop", who="test")
+        answer = daemon.order(do="release", who="test")
+        os.kill(daemon.process.pid, signal.SIGCONT)
+        assert json.loads(answer)["released"]
+        waiting.wait("first")
+        time.sleep(0.3)
+        assert watcher.peak(begun) == 0, waiting.heard
+        waiting.say("motor7.speed = 2;")
+        wait_for(lambda: watcher.speed() > 1.5, "the wheel to turn by what is sent after the release")

@@ -62,14 +62,67 @@ def test_it_stands_when_the_client_is_silent_and_drives_when_it_speaks_again(
         b"var n = 0|; every (100ms) n += 1, at (n % 2 == 0) rmp.forwardSpeed = 1;",
         b"var l = Lobby.create|; l.receive(\"every (100ms) { rmp.forwardSpeed = 1 },\");",
         b"every (100ms) { rmp.forwardSpeed = 1; lobby.receive(\"\\n\"); },",
+        b"every (300ms) { try { lobby.lease = 2s } catch {}; try { rmp.forwardSpeed = 1 } catch {} },",
     ],
-    ids=["loop", "loop that catches", "handler", "made lobby", "loop that speaks for the client"],
+    ids=["loop", "loop that catches", "handler", "made lobby", "loop that speaks for the client", "loop that renews"],
 )
 def test_no_program_of_a_silent_client_moves_it(drive: Drive, program: bytes) -> None:
     drive.say(program)
     assert drive.speed_after(1.9) == 1.0
     assert drive.speed_after(2.0) == 0.0
     assert drive.speed_after(3.0) == 0.0
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        b"every| (300ms) { try { lobby.lease = 1h } catch {} },",
+        b"every| (300ms) { try { lobby.lease = 0 | lobby.lease = 2s | rmp.forwardSpeed = 1 } catch {} },",
+        b"sleep(1s); lobby.lease = 2s; sleep(1s); lobby.lease = 0; rmp.forwardSpeed = 1;",
+        b"sleep(1s) | segway.estop = true | segway.estop = false | rmp.forwardSpeed = 1 | lobby.lease = 1h,",
+    ],
+    ids=["lengthens", "ends and begins", "text that waits", "a release of its own"],
+)
+def test_no_program_sent_with_a_lease_changes_it(drive: Drive, program: bytes) -> None:
+    drive.say(b"lobby.lease = 2s; rmp.forwardSpeed = 1;" + program)
+    assert drive.speed_after(2.5) < 0.5
+    assert drive.speed_after(2.0) == 0.0
+    assert drive.speed_after(2.0) == 0.0
+
+
+def test_what_a_program_of_a_silent_client_has_connected_does_not_move_it(drive: Drive) -> None:
+    """A Socket to the server itself, which has a lease of its own and keeps it."""
+    other = drive.lab.kernel.open_lobby()
+    other.set_maker(drive.client)
+    drive.say(b"lobby.lease = 1s; rmp.forwardSpeed = 1;", other)
+    for _ in range(10):
+        drive.say(b"try { rmp.forwardSpeed = 1 } catch {};", other)
+        speed = drive.speed_after(0.5)
+    assert speed == 0.0
+    third = drive.lab.kernel.open_lobby()
+    third.set_maker(drive.client)
+    assert b"has sent nothing for 2 s (lobby.lease)" in drive.say(b"rmp.forwardSpeed = 1;", third)
+    drive.say(b"\n")
+    drive.say(b"rmp.forwardSpeed = 1;", third)
+    assert drive.speed_after(1.9) == 1.0
+
+
+def test_what_waited_unread_before_its_turn_is_no_sign_of_life(drive: Drive) -> None:
+    """A client that has sent too much in advance may be held since then."""
+    drive.say(b"sleep(3s);" + b"1|2|3;\n" * 2000)
+    drive.client.unread.pause()
+    drive.client.unread.resume()
+    assert drive.speed_after(1.9) == 1.0
+    drive.say(b"4;")
+    assert drive.speed_after(1.0) == 0.0
+
+
+def test_a_lease_is_changed_by_what_is_sent_after_it_has_begun(drive: Drive) -> None:
+    told = drive.say(b"lobby.lease = 3s; lobby.lease = 4s;")
+    assert b" 3\n" in told and b"a lease is changed and ended by what the client sends after it has begun" in told
+    assert b" 5\n" in drive.say(b"lobby.lease = 5s;")
+    assert drive.speed_after(4.9) == 1.0
+    assert drive.speed_after(2.0) == 0.0
 
 
 def test_a_lease_is_ended_by_zero_and_belongs_to_its_own_connection(drive: Drive) -> None:

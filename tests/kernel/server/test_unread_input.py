@@ -13,7 +13,7 @@ import pytest
 from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.runtime.code import Primitive
-from urbihw.kernel.server.connection import MAX_PENDING_INPUT, LobbyConnection
+from urbihw.kernel.server.connection import MAX_PENDING_INPUT
 from urbihw.kernel.server.loop import LoopDriver
 from urbihw.kernel.server.tcp import Server
 from urbihw.kernel.uobject.arming import Arming
@@ -90,15 +90,15 @@ def test_what_a_client_has_sent_before_it_was_accepted_is_of_that_era(
 ) -> None:
     """A neighbour that holds the interpreter lets it wait in the backlog, with its text."""
     path = tmp_path / "socket"
-    heard: list[tuple[bytes, int | None]] = []
-    feed = LobbyConnection._feed
+    heard: list[tuple[bytes, int]] = []
+    take = Lobby.take_input
 
-    def hear(connection: LobbyConnection, lobby: Lobby, data: bytes) -> None:
-        heard.append((data, connection._older))
-        feed(connection, lobby, data)
+    def hear(lobby: Lobby, data: bytes, ordered: int) -> None:
+        heard.append((data, ordered))
+        take(lobby, data, ordered)
 
     async def scene(client: Client) -> None:
-        monkeypatch.setattr(LobbyConnection, "_feed", hear)
+        monkeypatch.setattr(Lobby, "take_input", hear)
         with socket.socket(socket.AF_UNIX) as other:
             other.connect(str(path))
             other.sendall(b"before;\n")  # the loop does not run between this and the next line
@@ -106,7 +106,7 @@ def test_what_a_client_has_sent_before_it_was_accepted_is_of_that_era(
             await client.until(lambda: len(heard) == 1)
             other.sendall(b"behind;\n")
             await client.until(lambda: len(heard) == 2)
-        assert heard == [(b"before;\n", era - 1), (b"behind;\n", None)]
+        assert heard == [(b"before;\n", era - 1), (b"behind;\n", era)]
 
     play(path, scene)
 

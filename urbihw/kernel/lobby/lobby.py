@@ -22,6 +22,7 @@ from urbihw.kernel.lobby.statements import execute
 from urbihw.kernel.runtime.event import Event
 from urbihw.kernel.runtime.holdings import Address, Holdings
 from urbihw.kernel.runtime.object import Obj
+from urbihw.kernel.sched.arrivals import UnreadInput
 from urbihw.kernel.sched.signals import JobAborted
 
 if TYPE_CHECKING:
@@ -43,8 +44,7 @@ class Lobby(Obj):
     is_per_connection = True
     __slots__ = (
         "_advised", "answering", "connected", "holdings", "in_command", "input_handler", "label", "lease", "maker",
-        "on_ordered_anew", "on_quit", "ordered", "output", "peer", "programs", "received", "released_at",
-        "shell", "silence", "tag", "user",
+        "on_quit", "ordered", "output", "peer", "programs", "received", "released_at", "shell", "tag", "unread", "user",
     )  # fmt: skip
 
     def __init__(
@@ -68,16 +68,13 @@ class Lobby(Obj):
         self.received = 0
         self.released_at = 0
         """The lowest ``Job.era`` of a statement that may move devices: ``release_devices`` sets it."""
-        self.silence = ""
-        """What the client has done, in words, while it may not move devices because its ``lease`` is over; else ""."""
         self.ordered: int | None = None
         """The ``Job.ordered`` that no statement exceeds, if a device in another process sends them or a program has
         created the lobby: that is one program.  None for a client, whose statements are orders themselves."""
         self.lease = ClientLease(self)
         self.on_quit: Callable[[], None] = lambda: None
-        self.on_ordered_anew: Callable[[int], None] = lambda since: None
-        """Called when what the client has sent behind its release of an emergency stop counts as ordered now, if it
-        was sent in the era ``since`` or later: that holds for what has not been handed to ``feed`` yet, too."""
+        self.unread = UnreadInput()
+        """What the client has sent that has not been handed to ``feed`` yet."""
         self.peer = remote
         """The address of the client, None for none; ``remoteIP`` has the same value, but a program can change that
         slot."""
@@ -122,6 +119,12 @@ class Lobby(Obj):
             return self.label
         return self.user or ("" if self.peer is None or _is_loopback(self.peer) else self.peer)
 
+    @property
+    def silence(self) -> str:
+        """What the client has done, in words, while it may not move devices because its ``lease`` is over; else "".
+        What its programs have opened is as silent."""
+        return self.lease.silence or ("" if self.maker is None else self.maker.silence)
+
     def set_maker(self, maker: Lobby) -> None:
         """Make this lobby belong to another one, whose program opened it: it ends with that lobby and shares the limits
         of its resources.
@@ -146,11 +149,12 @@ class Lobby(Obj):
         """The lobbies that belong to this one."""
         return [lobby for lobby in self.programs.lobbies if lobby.maker is self]
 
-    def feed(self, data: bytes, arrived: int | None = None) -> None:
-        """Bytes from the client, which arrived in an era (``Scheduler.era``), None for the present one."""
-        if self.lease.seconds:
-            self.lease.renew()
-        self.take_input(data, self.world.scheduler.era if arrived is None else arrived)
+    def feed(self, data: bytes) -> None:
+        """Bytes from the client, which were just read."""
+        arrived, lately = self.unread.read(self.world.scheduler.era, not self.shell.waiting)
+        if lately:
+            self.lease.hear(arrived)
+        self.take_input(data, arrived)
 
     def take_input(self, data: bytes, ordered: int) -> None:
         """Bytes from the client, or from a program in its place, that were ``ordered`` then (``Job.ordered``)."""
@@ -179,12 +183,6 @@ class Lobby(Obj):
                 other.revoke_command()
             for hear in list(self.world.client_gone):
                 hear(self)
-
-    def set_silence(self, why: str) -> None:
-        """Say why this lobby and those that belong to it may not move devices; "" when they may again."""
-        self.silence = why
-        for other in self._made():
-            other.set_silence(why)
 
     def release_devices(self) -> None:
         """Stop the devices that this lobby and those that belong to it move.  The statements that move them end; those

@@ -278,7 +278,7 @@ class Shell:
         self._items = deque((item, renewed(ordered, since, now)) for item, ordered in self._items)
         if self._begun is not None:
             self._begun = renewed(self._begun, since, now)
-        self._lobby.on_ordered_anew(since)
+        self._lobby.unread.renew(since, now)
 
     @property
     def waiting(self) -> int:

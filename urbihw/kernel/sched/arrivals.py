@@ -3,11 +3,14 @@
 A stop of a robot divides the time into eras (``Scheduler.era``).  A statement that runs after the release of an
 emergency stop may have been sent before the stop: behind ``sleep(10s);``, or at the end of a long text.  So each byte
 has the era in which it arrived, or in which the program began that typed it (``Job.ordered``).
+
+What has arrived waits in two places: unread (``UnreadInput``), then read, before earlier statements (``Arrivals``).
 """
 
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 
 
 class Arrivals:
@@ -46,6 +49,53 @@ class Arrivals:
     def clear(self) -> None:
         """Nothing waits any more."""
         self._parts.clear()
+
+
+class UnreadInput:
+    """The unread input of one client, and its era.  A socket carries this object from its accept on.
+
+    Attributes:
+        paused: whether nothing is read at present, because the client sends more than runs.
+    """
+
+    def __init__(self, size: Callable[[], int] = lambda: 0) -> None:
+        """``size`` returns the number of bytes that have arrived and are not read."""
+        self._size = size
+        self.paused = False
+        self._older: int | None = None
+        """The era of bytes that had arrived when it ended, and are not read yet; None if there are none."""
+        self._behind = False
+        """Whether what is read may have been sent long ago, since reading has paused."""
+
+    def pause(self) -> None:
+        """Nothing is read from now on, until ``resume``."""
+        self.paused = self._behind = True
+
+    def resume(self) -> None:
+        """What waits is read again, oldest first."""
+        self.paused = False
+
+    def end_era(self, era: int) -> None:
+        """This era ends: what is not read yet belongs to it, and so does what is on its way because reading pauses."""
+        if self._older is None and (self.paused or self._size()):
+            self._older = era
+
+    def read(self, era: int, caught_up: bool) -> tuple[int, bool]:
+        """Bytes were just read, in an era; ``caught_up``: all that was read before has run.
+
+        Return the era in which they arrived, and whether they were sent lately: the client is there and sends.
+        """
+        if caught_up:
+            self._behind = False
+        arrived, lately = era if self._older is None else self._older, not self._behind
+        if not self._behind and not self._size():
+            self._older = None
+        return arrived, lately
+
+    def renew(self, since: int, ordered: int) -> None:
+        """Let what arrived at ``since`` or later count as arrived at ``ordered``."""
+        if self._older is not None:
+            self._older = renewed(self._older, since, ordered)
 
 
 def renewed(old: int, since: int, ordered: int) -> int:

@@ -21,7 +21,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from urbihw.kernel.lobby.lobby import Lobby
-from urbihw.kernel.sched.arrivals import renewed
+from urbihw.kernel.sched.arrivals import UnreadInput
 from urbihw.kernel.server.disconnects import send_probe_byte
 from urbihw.kernel.server.handshake import Handshake, HandshakeFactory, HandshakeRefusal, line
 
@@ -48,13 +48,17 @@ class LobbyConnection(asyncio.Protocol):
         address: the client's address; None for a UNIX socket.
         peer: the client's name in the log.
         raw: the client's socket.
+        unread: what has arrived there and is not read.
         handshake: decides from the first bytes whether the client is accepted.
         lobby: the client's lobby; None before it is accepted and after the connection is closed.
     """
 
-    def __init__(self, server: Server, raw: socket.socket, handshake: HandshakeFactory, secure: bool) -> None:
+    def __init__(
+        self, server: Server, raw: socket.socket, unread: UnreadInput, handshake: HandshakeFactory, secure: bool
+    ) -> None:
         self._server = server
         self.raw = raw
+        self.unread = unread
         self._secure = secure
         self._transport: asyncio.Transport
         self._loop = asyncio.get_running_loop()
@@ -64,12 +68,7 @@ class LobbyConnection(asyncio.Protocol):
         self._undecided = True
         self._refused = False
         self._open = False
-        self._paused = False
         self._ended = False
-        self._older: int | None = None
-        """The era of bytes that had arrived when it ended, and are not read yet; None if there are none."""
-        self._floods = False
-        """Whether more of that era may be on its way, since reading paused then."""
         self.lobby: Lobby | None = None
 
     # ---------------------------------------------------------------- the first bytes
@@ -94,7 +93,7 @@ class LobbyConnection(asyncio.Protocol):
                 lobby.find_maker(self.raw.getpeername()[:2])
         lobby.user = self.handshake.user
         lobby.on_quit = self._quit
-        lobby.on_ordered_anew = self._order_anew
+        lobby.unread = self.unread
         lobby.output.unread = self._transport.get_write_buffer_size
         lobby.output.give_up = self._does_not_read
         self.lobby = lobby
@@ -165,47 +164,23 @@ class LobbyConnection(asyncio.Protocol):
         if self.lobby is not None:
             if self._server.overheard is not None:
                 self._server.overheard(self, ">", data)
-            self._feed(self.lobby, data)
+            self.lobby.feed(data)
             self._server.driver.drive()
             if self.lobby.shell.waiting > MAX_PENDING_INPUT:
                 self._pause()
 
-    def _feed(self, lobby: Lobby, data: bytes) -> None:
-        """Pass on bytes, with the era in which they arrived at this machine."""
-        if self._floods and not lobby.shell.waiting:
-            self._floods = False  # all that it had sent has been read and has run
-        lobby.feed(data, self._older)
-        if self._older is not None and not self._floods and not unread_size(self.raw):
-            self._older = None
-
-    def begin_older(self, era: int) -> None:
-        """What has arrived before this connection began belongs to an era that has ended."""
-        self._older = era
-
-    def end_era(self) -> None:
-        """The present era ends: bytes that are not read yet belong to it, and so does what a client has sent that is
-        not read because it sends too much."""
-        if self._older is None and (self._paused or unread_size(self.raw)):
-            self._older, self._floods = self._server.driver.scheduler.era, self._paused
-
-    def _order_anew(self, since: int) -> None:
-        """The client has released an emergency stop: bytes of the era ``since`` or a later one that are not read yet
-        stand behind the release, and belong to the present era."""
-        if self._older is not None:
-            self._older = renewed(self._older, since, self._server.driver.scheduler.era)
-
     def _pause(self) -> None:
         """Pause reading until the pending input has run.  A disconnect is noticed nevertheless."""
-        if self._paused or self._transport.is_closing() or not self._watch(self._input_ended):
+        if self.unread.paused or self._transport.is_closing() or not self._watch(self._input_ended):
             return
-        self._paused = True
+        self.unread.pause()
         self._transport.pause_reading()
         self._server.paused[self] = None
 
     def resume_reading_if_drained(self) -> None:
         """Resume reading if enough of the pending input has run."""
         if self.lobby is None or self.lobby.shell.waiting <= MAX_PENDING_INPUT // 2:
-            self._paused = False
+            self.unread.resume()
             del self._server.paused[self]
             self._server.disconnect_watcher().unwatch(self.raw.fileno())
             self._transport.resume_reading()
@@ -249,7 +224,7 @@ class LobbyConnection(asyncio.Protocol):
         """The connection has ended: end the lobby."""
         self._open = False
         self._server.remove_connection(self)
-        if self._paused or self._ended:
+        if self.unread.paused or self._ended:
             self._server.disconnect_watcher().unwatch(self.raw.fileno())
         for timer in self._timers:
             timer.cancel()

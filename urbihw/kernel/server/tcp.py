@@ -12,11 +12,13 @@ import contextlib
 import logging
 import socket
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from ssl import SSLContext
 from typing import Final
 
 from urbihw.kernel.lobby.lobby import Lobby
+from urbihw.kernel.sched.arrivals import UnreadInput
 from urbihw.kernel.server.acceptor import Acceptor, bind, bind_unix, release_socket
 from urbihw.kernel.server.connection import LobbyConnection, peer_of, unread_size
 from urbihw.kernel.server.disconnects import DisconnectWatcher
@@ -81,8 +83,8 @@ class Server:
         self._acceptors: list[Acceptor] = []
         self._arriving: set[asyncio.Task[bool]] = set()
         self._expected: set[socket.socket] = set()
-        self._eras: dict[socket.socket, int] = {}
-        """The era that ended while a connection that begins held unread bytes."""
+        self._unread: dict[UnreadInput, None] = {}
+        """What is not read of all clients that were accepted."""
         self._disconnect_watcher: DisconnectWatcher | None = None
         self._loop = asyncio.get_running_loop()
         driver.scheduler.add_round_hook(self._round_over)
@@ -147,29 +149,33 @@ class Server:
         elif self._clients >= self.max_clients:
             self._refuse_client(raw, self._too_many_clients())
             return
-        task = self._loop.create_task(self._begin_connection(raw, handshake, ssl))
+        unread = UnreadInput(partial(unread_size, raw))
+        self._unread[unread] = None
+        task = self._loop.create_task(self._begin_connection(raw, unread, handshake, ssl))
         self._arriving.add(task)
         self._expected.add(raw)
 
         def arrived(done: asyncio.Task[bool]) -> None:
             self._arriving.discard(done)
             self._expected.discard(raw)
-            self._eras.pop(raw, None)
             if done.cancelled():
                 raw.close()
             if done.cancelled() or not done.result():
                 self.unauthenticated.discard(raw)
+                self._unread.pop(unread, None)
 
         task.add_done_callback(arrived)
 
-    async def _begin_connection(self, raw: socket.socket, handshake: HandshakeFactory, ssl: SSLContext | None) -> bool:
+    async def _begin_connection(
+        self, raw: socket.socket, unread: UnreadInput, handshake: HandshakeFactory, ssl: SSLContext | None
+    ) -> bool:
         """Begin a connection.  Returns False if that failed."""
         try:
             if raw.family in (socket.AF_INET, socket.AF_INET6):
                 raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 for level, option, value in KEEP_ALIVE:
                     raw.setsockopt(level, option, value)
-            connection = LobbyConnection(self, raw, handshake, ssl is not None)
+            connection = LobbyConnection(self, raw, unread, handshake, ssl is not None)
             # When TLS fails, asyncio closes the socket without an answer.
             spare = None if ssl is None else raw.dup()
         except OSError:  # the client is gone, or there is no descriptor left
@@ -201,9 +207,6 @@ class Server:
         """Add a connection that has begun."""
         self._expected.discard(connection.raw)
         self.connections[connection] = None
-        era = self._eras.pop(connection.raw, None)
-        if era is not None:
-            connection.begin_older(era)
 
     def admit_authenticated(self, connection: LobbyConnection) -> bool:
         """Count an authenticated TLS connection as a client.  Refuses it and returns False if there are too many."""
@@ -238,6 +241,7 @@ class Server:
     def remove_connection(self, connection: LobbyConnection) -> None:
         """Remove a connection that has ended."""
         self.connections.pop(connection, None)
+        self._unread.pop(connection.unread, None)
         self.unauthenticated.discard(connection.raw)
         self.paused.pop(connection, None)
         for acceptor in self._acceptors:
@@ -255,11 +259,8 @@ class Server:
         """What has been sent until now belongs to the era that ends, also by clients that wait to be accepted."""
         for acceptor in self._acceptors:
             acceptor.accept_waiting()
-        for connection in self.connections:
-            connection.end_era()
-        for raw in self._expected:
-            if unread_size(raw):
-                self._eras.setdefault(raw, self.driver.scheduler.era)
+        for unread in self._unread:
+            unread.end_era(self.driver.scheduler.era)
 
     def _round_over(self) -> None:
         while self._dirty:
