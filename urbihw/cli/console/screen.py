@@ -109,7 +109,8 @@ class Screen:
         if self._session.state == "lost" and self._leaves:
             self._keeping.cancel()
             self._prompt.app.exit(exception=EOFError)
-        elif self._session.state == "lost" and not self._lost_once:
+            return
+        if self._session.state == "lost" and not self._lost_once:
             self._lost_once = True
             self._note(f"{self._session.name}: {self._session.reason}; trying again")
         elif self._session.state == "denied":
@@ -128,12 +129,17 @@ class Screen:
         self._prompt_printer.show(FormattedText([("class:note", f"-- {text}\n")]))
 
     def _message(self) -> FormattedText:
-        kind = "class:prompt" if self._session.state == "connected" else "class:prompt.lost"
+        kind = "class:prompt" if self._state == "connected" else "class:prompt.lost"
         return FormattedText([(kind, self._name)])
 
     @property
+    def _state(self) -> str:
+        """The state of the connection; its wanted end is not shown."""
+        return "connected" if self._leaves else self._session.state
+
+    @property
     def _name(self) -> str:
-        how = {"connected": "", "denied": " (denied)"}.get(self._session.state, " (reconnecting)")
+        how = {"connected": "", "denied": " (denied)"}.get(self._state, " (reconnecting)")
         return f"{self._session.name}{how}> "
 
     @property
@@ -161,7 +167,7 @@ class Screen:
         if self._call_hint:
             hint = textwrap.shorten(self._call_hint, self._columns - 1, placeholder=" ...")
             return FormattedText([("class:hint", hint)])
-        if self._session.state != "connected":
+        if self._state != "connected":
             return FormattedText([("class:hint", f"not connected: {self._session.reason}")])
         if text.strip() and asked_help(text) is None and self._unfinished(text):
             return FormattedText([("class:hint", "unfinished: end it with ; or , (an empty line adds the ;)")])
