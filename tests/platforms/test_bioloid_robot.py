@@ -448,6 +448,7 @@ def test_controllers_without_a_known_way_are_refused_with_advice() -> None:
         ("motor8.on;", "a motor is switched on by load = 1"),
         ("motor8.pos = 1;", "a joint goes where its slot val is set: val = 90deg time:2s"),
         ("motor8.foo;", "motor8.localSlotNames; lists its slots"),
+        ("var Global.paw = motor8|; paw.foo;", "paw.localSlotNames; lists its slots"),
         ("motors(8).val;", "brackets choose a member: motors[1]"),
         ("motors[8] = 1;", "the members of it are not replaced, but their slots written: motors[6].val = 1"),
         ("robot.forward;", "robot.localSlotNames; lists its slots, robot.flatDump; its parts"),
