@@ -163,12 +163,34 @@ def test_joints_that_were_not_moved_are_asked_for_and_left_out(tmp_path: Path) -
     work, said = job(rig, f"URL --out {out} --no-limits", (None, ""))
     calibrate.calibrate(work, {}, RangeDisplay(io.StringIO()), lambda: next(keys) if (line := hand()) else line)
     assert list(calibration.load(out)) == ["motor1"]
-    assert "Not moved yet: motor2." in said.getvalue()
-    assert "NOT calibrated, because not moved: motor2; the file has nothing of them" in said.getvalue()
+    assert "Not yet: motor2 (not moved). Move them" in said.getvalue()
+    assert "NOT calibrated: motor2 (not moved); the file has nothing of them" in said.getvalue()
     assert all(unit.registers.get("ccw_limit") == 1023 for unit in rig.kit)
     work, _ = job(rig, f"URL --out {out}", (None, ""))
-    with pytest.raises(ServoError, match="no joint was moved: nothing is written"):
+    with pytest.raises(ServoError, match=r"nothing is written: motor1, motor2 \(not moved\)"):
         calibrate.calibrate(work, {}, RangeDisplay(io.StringIO()), lambda: "q\n")
+
+
+@pytest.mark.parametrize(("looks", "left"), [((1, 3), ["motor1", "motor2"]), ((1, 9), ["motor1"])])
+def test_a_servo_whose_plug_is_loose_ends_nothing(tmp_path: Path, looks: tuple[int, int], left: list[str]) -> None:
+    out = tmp_path / "leg.json"
+    rig = LineRig([ax(1), ax(2)])
+    hand, look, screen = Hand(rig, ["1 60", "1 -20", "2 60", "2 50"], "q\n"), 0, Terminal()
+
+    def typed() -> str | None:
+        nonlocal look
+        look += 1
+        if look == looks[0]:
+            rig.kit.faults.start("silence", 2)
+        if look == looks[1]:
+            assert "no answer" in screen.getvalue()
+            rig.kit.faults.stop("silence", 2)
+        return hand()
+
+    work, said = job(rig, f"URL --out {out} --no-limits", (None, ""))
+    calibrate.calibrate(work, {}, RangeDisplay(screen), typed)
+    assert list(calibration.load(out)) == left
+    assert ("NOT calibrated: motor2 (no answer: is the plug loose?)" in said.getvalue()) == (len(left) == 1)
 
 
 def test_directions_are_shown_by_moving(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import io
 import os
 import re
 from collections.abc import Callable, Coroutine, Sequence
+from pathlib import Path
 from typing import Any, TypeVar
 
 import pytest
@@ -20,7 +21,7 @@ from urbihw.cli.console.colours import painted
 from urbihw.cli.console.completion import candidates
 from urbihw.cli.console.help import described, keys_text
 from urbihw.cli.console.lexer import UrbiscriptLexer
-from urbihw.cli.console.screen import asked_help, depth, history, lacks_separator
+from urbihw.cli.console.screen import asked_help, depth, ends_session, history, lacks_separator
 from urbihw.cli.console.session import ConsoleSession
 from urbihw.cli.main import main
 from urbihw.cli.options import CliRefused
@@ -190,6 +191,19 @@ def test_an_empty_line_stands_for_a_missing_separator() -> None:
     assert not lacks_separator("1 + 1")
     assert not lacks_separator("{ 1\n")
     assert not lacks_separator("1 +\n")  # an error as it stands, perhaps not when it goes on
+
+
+@pytest.mark.parametrize(("text", "ends"), [
+    ("quit;", True), ("quit", True), ("1 + 1; lobby.quit;\n", True), ("quit; 1;", False), ('echo("quit");', False),
+    ("at (x > 1) quit;", False), ("", False),
+])  # fmt: skip
+def test_what_ends_the_session(text: str, ends: bool) -> None:
+    assert ends_session(text) == ends
+
+
+def test_the_prompt_of_the_page_is_that_of_the_daemon_of_this_machine() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "console.md").read_text()
+    assert f"\n    {Where('/run/urbihw/urbi-54000.socket', 54000)}> motor6.val" in page
 
 
 def test_depth_of_a_text() -> None:

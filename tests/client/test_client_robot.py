@@ -727,8 +727,30 @@ def test_joints_and_the_overview_are_those_of_the_robot(robot: Robot) -> None:
     assert told["sensors"] == [{"slot": "eye.val", "role": "distance", "unit": "m"}]
 
 
+def test_a_trajectory_has_ended_when_the_device_has_followed(robot: Robot) -> None:
+    robot.run("""
+        class Global.Late
+        {
+          var now = 0;
+          get val() { now };
+          set val(wanted) { detach({ sleep(80ms) | now = wanted }) | wanted };
+          get drift() { System.time };
+          set drift(wanted) { wanted };
+        };
+        var Global.late = Late.new;
+    """)
+    robot.slot("late.val").set(1, time=0.2)
+    assert robot.late.now == 1
+    begun = time.monotonic()
+    robot.slot("late.drift").set(0, time=0.1)
+    assert 0.5 < time.monotonic() - begun < 10
+
+
 def test_a_slot_of_a_group_is_a_list(robot: Robot) -> None:
     robot.run(ARM + "var Global.both = Group.new; both.add(j2); both.add(j1); j2.val = 3;")
     assert robot.both.val == [3, 0]
+    robot.run("var j1.load = 1; var j2.load = 0.5;")
+    assert robot.both.load == [0.5, 1], "a function of the group has this name, too"
+    assert isinstance(robot.both.add, UrbiFunction)
     with pytest.raises(SlotMissing, match="vel"):
         _ = robot.both.vel

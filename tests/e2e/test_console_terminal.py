@@ -47,6 +47,13 @@ def test_a_conversation(console: Callable[..., Terminal]) -> None:
     assert talk.ended() == 0
 
 
+def test_quit_leaves(console: Callable[..., Terminal]) -> None:
+    talk = console()
+    talk.type("quit;\r")
+    assert talk.ended() == 0
+    assert "reconnecting" not in talk.listen(0)
+
+
 def test_a_statement_of_several_lines(console: Callable[..., Terminal]) -> None:
     talk = console()
     talk.type("{\r")

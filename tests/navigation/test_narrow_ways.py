@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
+from typing import cast
 
 import pytest
 
+from urbihw.navigation.base import DrivenBase
 from urbihw.navigation.drive import DriveLimits, State
-from urbihw.navigation.follow import NARROW_SPEED, PathFollower, Tolerance
+from urbihw.navigation.follow import NARROW_SPEED, STUCK_MARGIN, PathFollower, Tolerance
 from urbihw.navigation.frames import Point, Pose, moved
 from urbihw.navigation.grid import Grid
+from urbihw.navigation.obstacles import close_by
+from urbihw.navigation.options import NavigationOptions
 from urbihw.navigation.planner import NoPath, Room, plan
 from urbihw.navigation.standing import is_clear
+from urbihw.navigation.view import NavigatorView
 
 RADIUS = 0.25
 ROOM = Room(RADIUS + 0.05, RADIUS + 0.01)
@@ -140,4 +145,51 @@ def test_a_narrow_way_is_driven_slowly_and_without_a_touch(degrees: float) -> No
             fastest = max(fastest, v)
         assert time < 90
     assert nearest > RADIUS + 0.005
+    assert fastest <= NARROW_SPEED
+
+
+class Sure:
+    """What keeps the pose, and knows it well."""
+
+    is_sure = True
+
+
+class Beside:
+    """A base without inertia that sees the corners and sides of a crate which its map does not show."""
+
+    radius = RADIUS
+    scanner = None
+
+    def __init__(self, crate: list[Point], pose: Pose) -> None:
+        self.navigation = NavigationOptions(clearance=ROOM.clear - RADIUS)
+        self.odometry, self.absolute = self, pose
+        self._crate = crate
+
+    def obstacles(self) -> list[Point]:
+        """The crate, from the middle of the base."""
+        x, y, heading = self.absolute
+        c, s = math.cos(heading), math.sin(heading)
+        return [(c * (px - x) + s * (py - y), c * (py - y) - s * (px - x)) for px, py in self._crate]
+
+
+def test_a_way_beside_an_obstacle_that_the_map_does_not_show_is_driven_slowly_and_not_given_up() -> None:
+    grid = Grid(0, 0, 10, 10, 0.1)
+    grid.block_line(10, 0, 10, 10)
+    # 0.8 m remain between its right side and the wall; the robot wants 2 x 0.3 m.
+    crate = [(9.2 - 0.6 * far / 30, 5.5) for far in range(31)] + [(9.2, 4.9 + 0.02 * up) for up in range(31)]
+    base = Beside(crate, (9.5, 5.7, math.radians(-84)))
+    view = NavigatorView(cast("DrivenBase", base), Sure())
+    path = plan(grid, base.absolute[:2], (9.4, 3.0), ROOM, crate)
+    view.grid, view.beside = grid, close_by(crate, path, ROOM.clear + STUCK_MARGIN)
+    follow = PathFollower(path, math.radians(-90), DriveLimits(), view, Tolerance())
+    v, w, time, nearest, fastest = 0.0, 0.0, 0.0, math.inf, 0.0
+    while (speeds := follow.speeds(State(time, v, w))) is not None:
+        base.absolute = moved(base.absolute, v * 0.1, w * 0.1)
+        (v, w), time = speeds, time + 0.1
+        room = min(math.dist(each, base.absolute[:2]) for each in crate)
+        nearest = min(nearest, room)
+        if room < ROOM.clear:
+            fastest = max(fastest, v)
+        assert time < 60
+    assert not follow.blocked and nearest > RADIUS
     assert fastest <= NARROW_SPEED

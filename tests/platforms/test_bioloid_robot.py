@@ -11,7 +11,7 @@ import pytest
 from bioloid_lab import BAUD, Lab
 
 from urbihw.buses import messages as m
-from urbihw.kernel.uobject import BadConfig, NotReady
+from urbihw.kernel.uobject import BadConfig, NotReady, RobotSettings
 from urbihw_fakes.bioloid import Bioloid as Kit
 from urbihw_fakes.device import Answer
 from urbihw_fakes.dynamixel.ax12 import Ax12
@@ -369,6 +369,18 @@ def test_a_servo_whose_registers_cannot_be_read_at_the_start_is_named_and_joins(
     assert lab.number("motor6.val") == pytest.approx(0.5, abs=0.02)
 
 
+def test_a_servo_that_the_settings_name_no_more_is_not_missing(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level("INFO")
+    lab = Lab.ready(Kit(units=[Ax12(1), Ax12(2)], baud=BAUD), ids=[1, 2, 6, 7])
+    assert lab.say("bioloid.missing;") == "[6, 7]"
+    for ids, missing in (([1, 2, 7], "[7]"), ([1, 2, 7], "[7]"), ([1, 2], "[]")):
+        lab.robot.configure(RobotSettings(lab.url, 1 / lab.tick, dead_man=0, options={"ids": ids}))
+        assert lab.say("bioloid.missing;") == missing
+    assert "missing" not in lab.robot.status()
+    told = "options.ids: other devices are looked for when the link to the robot opens again"
+    assert [record.message for record in caplog.records].count(told) == 2
+
+
 @pytest.mark.parametrize("model", ["AX-12", "XL430-W250"])
 def test_an_expected_servo_joins_in_whatever_protocol_it_speaks(model: str) -> None:
     late = Ax12(6) if model == "AX-12" else XSeries(model, 6)
@@ -436,6 +448,7 @@ def test_controllers_without_a_known_way_are_refused_with_advice() -> None:
         ("motor8.on;", "a motor is switched on by load = 1"),
         ("motor8.pos = 1;", "a joint goes where its slot val is set: val = 90deg time:2s"),
         ("motor8.foo;", "motor8.localSlotNames; lists its slots"),
+        ("var Global.paw = motor8|; paw.foo;", "paw.localSlotNames; lists its slots"),
         ("motors(8).val;", "brackets choose a member: motors[1]"),
         ("motors[8] = 1;", "the members of it are not replaced, but their slots written: motors[6].val = 1"),
         ("robot.forward;", "robot.localSlotNames; lists its slots, robot.flatDump; its parts"),

@@ -15,6 +15,7 @@ _WIDTH: Final = 40
 _LEAST_WIDTH: Final = 5
 _LONGEST_NAME: Final = 20
 _NOT_MOVED: Final = "not moved yet"
+_SILENT: Final = "no answer"
 _LINE_PERIOD_S: Final = 1.0
 
 
@@ -67,5 +68,5 @@ def _bar(joint: CalibratedJoint, name: int, width: int) -> str:
     span = max(joint.high - joint.low, 1)
     place = round((joint.present - joint.low) / span * (width - 1))
     cells = "".join("|" if column == place else "=" for column in range(width))
-    mark = "" if joint.is_measured else _NOT_MOVED
+    mark = _SILENT if joint.is_silent else "" if joint.is_measured else _NOT_MOVED
     return f"{joint.name[:name]:{name}} {joint.low:6} [{cells}] {joint.high:6} at {joint.present:6} {mark}".rstrip()

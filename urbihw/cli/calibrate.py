@@ -124,38 +124,48 @@ def calibrate(job: VerbJob, names: Mapping[str, int], display: RangeDisplay, typ
     _record_ranges(job, work, display, typed)
     if job.options.directions:
         for joint in work.joints:
-            _ask_direction(job, work, joint)
+            if not joint.is_silent:
+                _ask_direction(job, joint)
     result = work.result()
     if not result:
-        raise ServoError("no joint was moved: nothing is written")
+        raise ServoError(f"nothing is written: {_what_lacks(work.joints)}")
     kept = calibration.save(out, result)
     dialogue.say(f"{len(result)} joints in {out}" + (f"; the former file is {kept}" if kept else ""))
-    left_out = [joint.name for joint in work.joints if joint.name not in result]
+    left_out = [joint for joint in work.joints if joint.name not in result]
     if left_out:
-        dialogue.say(f"NOT calibrated, because not moved: {', '.join(left_out)}; the file has nothing of them, and "
-                     "their servos keep the limits that they had")
+        dialogue.say(f"NOT calibrated: {_what_lacks(left_out)}; the file has nothing of them, and their servos keep the "
+                     "limits that they had")
     if not job.options.no_limits:
         _write_all(job, [(servos[name], joint) for name, joint in result.items()])
 
 
 def _record_ranges(job: VerbJob, work: HandCalibration, display: RangeDisplay, typed: Callable[[], str | None]) -> None:
-    """Record until Enter; with joints that have not been moved, Enter goes on and q leaves them out."""
+    """Record until Enter; with joints that were not moved or do not answer, Enter goes on and q leaves them out."""
     clock = job.line.link.clock
     job.dialogue.say("Move each joint through its whole range; Enter ends.")
     while True:
         work.observe()
-        display.show(work.joints, clock.now())
         line = typed()
-        if line is not None:
+        if line is None:
+            display.show(work.joints, clock.now())
+        else:
             display.finish(work.joints, clock.now())
-            still = [joint.name for joint in work.joints if not joint.is_measured]
+            still = [joint for joint in work.joints if joint.is_silent or not joint.is_measured]
             if not still or not line or line.strip().lower() == "q":
                 return
-            job.dialogue.say(f"Not moved yet: {', '.join(still)}. Move them, then Enter; q leaves them out.")
+            job.dialogue.say(f"Not yet: {_what_lacks(still)}. Move them, then Enter; q leaves them out.")
         clock.sleep_until(clock.now() + LOOK_PERIOD_S)
 
 
-def _ask_direction(job: VerbJob, work: HandCalibration, joint: CalibratedJoint) -> None:
+def _what_lacks(joints: Sequence[CalibratedJoint]) -> str:
+    """Which joints were not moved, and which do not answer."""
+    unmoved = [joint.name for joint in joints if not joint.is_silent]
+    silent = [joint.name for joint in joints if joint.is_silent]
+    told = [f"{', '.join(unmoved)} (not moved)"] if unmoved else []
+    return ", ".join([*told, f"{', '.join(silent)} (no answer: is the plug loose?)"] if silent else told)
+
+
+def _ask_direction(job: VerbJob, joint: CalibratedJoint) -> None:
     before = joint.registers.read_one("present_position")
     while True:
         job.dialogue.wait(f"Move {joint.name} a little in its positive direction")

@@ -18,13 +18,13 @@ class RowsInPlace:
         self._count = 0
 
     def show(self, stream: TextIO, rows: Sequence[str]) -> None:
-        """Show these rows in the place of the last ones."""
+        """Show these rows in the place of the last ones, and nothing below them."""
         columns, lines = shutil.get_terminal_size()
         room = max(lines - 1, 1)
         if len(rows) > room:
             rows = [*rows[: room - 1], f"... and {len(rows) - room + 1} more; the terminal has {lines} lines"]
         up = f"\x1b[{self._count}A" if self._count else ""
-        stream.write(up + "".join(f"\r\x1b[K{row[: columns - 1]}\n" for row in rows))
+        stream.write(up + "".join(f"\r\x1b[K{row[: columns - 1]}\n" for row in rows) + "\x1b[J")
         stream.flush()
         self._count = len(rows)
 

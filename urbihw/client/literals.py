@@ -39,6 +39,9 @@ KEYWORDS: Final = frozenset(
     """.split()  # noqa: SIM905 - a list of one word a line is not easier to read
 )
 """Words that are no names, unless in quotes: those of the section Keywords of the manual's language chapter."""
+SETTLING_PAUSE_S, SETTLING_LOOKS, STANDS = 0.05, 10, 0.002
+"""Seconds between two looks at a device behind the end of its trajectory, how often at most, and by how little its value
+differs when it has followed, in its unit (rad, m): a servo is some hundredths of a second behind."""
 CONSTANTS: Final = ("nil", "void", "true", "false")
 _ESCAPED: Final = {
     chr(code): f"\\x{code:02x}" for code in range(256) if not 32 <= code < 127
@@ -122,9 +125,15 @@ def written_path(path: str) -> str:
 
 
 def assignment_text(path: str, value: str, modifiers: Mapping[str, Any]) -> str:
-    """The assignment of a literal to a slot, with modifiers.  Raises what ``literal`` and ``checked_name`` raise."""
+    """The assignment of a literal to a slot, with modifiers; it ends when the device has followed.  Raises what
+    ``literal`` and ``checked_name`` raise."""
     words = "".join(f" {checked_name(name)}:{literal(each)}" for name, each in modifiers.items())
-    return f"{written_path(path)} = {value}{words} | nil"
+    slot = written_path(path)
+    return (
+        f"{slot} = {value}{words} | var _last = inf | var _left = {SETTLING_LOOKS} | "
+        f"while (0 < _left && {slot}.isA(Float) && {STANDS} < ({slot} - _last).abs) "
+        f"{{ _last = {slot} | _left -= 1 | sleep({SETTLING_PAUSE_S}) }} | nil"
+    )
 
 
 def checked_writes(values: Mapping[str, Any]) -> dict[str, str]:

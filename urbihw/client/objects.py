@@ -51,7 +51,8 @@ class Slot:
         return wrapped(self._connection, answer, path)
 
     def set(self, value: Any, timeout: float | None = None, keep: bool = False, **modifiers: Any) -> None:
-        """Write a value; ``set(0, sin=1, ampli=0.3)`` writes a trajectory, and returns at its end, if it has one.
+        """Write a value; ``set(0, sin=1, ampli=0.3)`` writes a trajectory, and returns at its end, if it has one,
+        when the device has followed: its value stands, or half a second has passed.
 
         Raises UrbiError, TypeError for a value that urbiscript has not, or why there is no answer.  ``timeout`` in
         seconds, by default that of the connection, without modifiers; None: no limit.  ``keep`` as for ``Robot.run``.

@@ -75,7 +75,7 @@ class PathView(Protocol):
         ...
 
     def is_narrow(self, a: Point, b: Point, margin: float) -> bool:
-        """Whether the walls leave less room beside a line than paths want and a margin in m."""
+        """Whether walls and known obstacles leave less room beside a line than paths want and a margin in m."""
         ...
 
 

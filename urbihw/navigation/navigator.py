@@ -28,14 +28,14 @@ from urbihw.navigation.background import Background
 from urbihw.navigation.base import DrivenBase
 from urbihw.navigation.drawing import draw_map
 from urbihw.navigation.drive import FINISHED, STALLED, DriveMotion
-from urbihw.navigation.follow import PathFollower, Tolerance
+from urbihw.navigation.follow import STUCK_MARGIN, PathFollower, Tolerance
 from urbihw.navigation.frames import Point, compose, path_length, wrapped
 from urbihw.navigation.goal import Goal
 from urbihw.navigation.grid import Grid
 from urbihw.navigation.loading import check_map, load_map
 from urbihw.navigation.locator import Locator
 from urbihw.navigation.maps import BadMap, Bounds, Map
-from urbihw.navigation.obstacles import ObstacleLayer, closes_path
+from urbihw.navigation.obstacles import ObstacleLayer, close_by, closes_path
 from urbihw.navigation.planner import NoPath, Obstructed, check_goal, plan_around
 from urbihw.navigation.survey import MapSurvey
 from urbihw.navigation.view import NavigatorView
@@ -372,22 +372,25 @@ class Navigator(UObject):
         self._planned_at = self.host.now()
         seen, recent = self._seen.points(self._planned_at), self._seen.recent_points(self._planned_at)
 
-        def work() -> list[Point]:
+        def work() -> tuple[list[Point], list[Point]]:
+            known = seen
             try:
-                return plan_around(grid, seen, start, goal.place, room)
+                path = plan_around(grid, known, start, goal.place, room)
             except Obstructed:
                 # What stood there a while ago may be gone.
                 if len(recent) == len(seen):
                     raise
-                return plan_around(grid, recent, start, goal.place, room)
+                known = recent
+                path = plan_around(grid, known, start, goal.place, room)
+            return path, close_by(known, path, room.clear + STUCK_MARGIN)
 
         self._work.start(
             work,
-            lambda path: self._follow_path(goal, path),
+            lambda planned: self._follow_path(goal, *planned),
             lambda error: self._plan_failed(goal, error),
         )
 
-    def _follow_path(self, goal: Goal, path: list[Point]) -> None:
+    def _follow_path(self, goal: Goal, path: list[Point], beside: list[Point]) -> None:
         left = path_length(self._follower.rest()) if self._follower is not None else goal.direct
         if goal.is_detour(path, left):
             self._goal = replace(goal, patience=goal.patience - 1, direct=left)
@@ -395,6 +398,7 @@ class Navigator(UObject):
             self._retry_at = self.host.now() + RETRY_S
             return
         self.path.sense([list(point) for point in path])
+        self._view.beside = beside
         if self._follower is not None:
             self._follower.change_path(path)
             return

@@ -176,6 +176,12 @@ def free_way(points: Sequence[Point], curvature: float, radius: float, margin: f
     return best
 
 
+def close_by(points: Sequence[Point], path: Sequence[Point], distance: float) -> list[Point]:
+    """The points that are nearer than ``distance`` m to a path."""
+    lines = list(zip(path, path[1:], strict=False))
+    return [point for point in points if any(distance_to_line(point, a, b) < distance for a, b in lines)]
+
+
 def closes_path(points: Sequence[Point], path: Sequence[Point], clearance: float, reach: float) -> bool:
     """Whether a point is nearer than ``clearance`` m to the first ``reach`` m of a path."""
     for a, b in zip(path, path[1:], strict=False):

@@ -6,7 +6,7 @@ import math
 from typing import Final, Protocol
 
 from urbihw.navigation.base import DrivenBase
-from urbihw.navigation.frames import Point, Pose
+from urbihw.navigation.frames import Point, Pose, distance_to_line
 from urbihw.navigation.grid import Grid
 from urbihw.navigation.obstacles import free_way
 from urbihw.navigation.options import SCAN
@@ -33,12 +33,14 @@ class NavigatorView:
 
     Attributes:
         grid: the walls of the map, without those that are gone; None without a map.
+        beside: the obstacles close by the path, which it was planned around.
     """
 
     def __init__(self, base: DrivenBase, locator: SureOfPose) -> None:
         self._base = base
         self._locator = locator
         self.grid: Grid | None = None
+        self.beside: list[Point] = []
 
     @property
     def uses_scans(self) -> bool:
@@ -72,8 +74,12 @@ class NavigatorView:
         return free_way(self.echoes(), curvature, self._base.radius, 0.0 if narrow else SIDE_CLEARANCE)
 
     def is_narrow(self, a: Point, b: Point, margin: float) -> bool:
-        """Whether the walls of the map leave less room beside a line than paths want and a margin in m."""
-        return self.grid is not None and not is_clear(self.grid, a, b, self.clearance + margin)
+        """Whether the walls of the map, or obstacles that the path knows, leave less room beside a line than paths want
+        and a margin in m.  Before an obstacle that it does not know yet the robot stops, and plans another path."""
+        room = self.clearance + margin
+        if any(distance_to_line(each, a, b) < room for each in self.beside):
+            return True
+        return self.grid is not None and not is_clear(self.grid, a, b, room)
 
     def echoes(self) -> list[Point]:
         """Points that the scanner and other sensors detect now, in m ahead of and to the left of the middle of the

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, Final, NamedTuple
 
 from urbihw.kernel.library import (
@@ -98,7 +99,7 @@ class _Refusal(Exception):
 
 def make_slot_reader(world: World) -> Callable[[Value, str], Value]:
     """A function ``read(target, name)`` that reads a slot, and calls no function without a unit.  A slot of a group is
-    a List with those of its members, in their order."""
+    a List with those of its members, in their order; a function of the group, such as ``load``, hides none."""
 
     def read_slot(target: Value, name: str) -> Value:
         obj: Obj = world.peek_obj(target) if target.__class__ is float else target
@@ -107,8 +108,11 @@ def make_slot_reader(world: World) -> Callable[[Value, str], Value]:
             if isinstance(obj, LocalizerObject):
                 obj = obj.group()
             if isinstance(obj, GroupObject) and obj.members:
-                return world.new_list([read_slot(member, name) for member in obj.members])
+                return read_members(obj, name)
             raise _Refusal(f"lookup failed: {name}")
+        if isinstance(obj, GroupObject) and obj.members and is_function(holder, name):
+            with suppress(_Refusal):
+                return read_members(obj, name)
         value = holder.slots[name]
         if value.__class__ is float or not value.runs:
             return value
@@ -121,6 +125,13 @@ def make_slot_reader(world: World) -> Callable[[Value, str], Value]:
                 raise _Refusal(_FUNCTION.format(name))
             return world.invoke(value, target, (), name)
         return read_promise(target, accessor) if isinstance(accessor, Promise) else accessor.read(target)
+
+    def read_members(group: GroupObject, name: str) -> Value:
+        return world.new_list([read_slot(member, name) for member in group.members])
+
+    def is_function(holder: Obj, name: str) -> bool:
+        value = holder.slots[name]
+        return value.__class__ is not float and value.runs and peek_meta(holder, name) is None
 
     def read_promise(target: Value, promise: Promise) -> Value:
         """A slot of an interface: that of the device, or what the rule of the interface tells."""

@@ -1,74 +1,17 @@
-"""Which recorded answer belongs to a request; bytes only.
+"""Which recorded answer a request gets; bytes only.
 
-Whatever came after a request and before the next one is its answer. The same request asked again gets the answers in
-the order recorded, then the last one again and again. One that only writes other values than a recorded one (goals,
-speeds) gets what that got.
+The same request asked again gets the answers in the order recorded, then the last one that had an answer again and
+again: what was silent for a moment is not silent for ever. One that only writes other values than a recorded one
+(goals, speeds) gets what that got.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
-from itertools import takewhile
-from typing import Final
+from collections.abc import Iterable
 
-from urbihw_fakes.replay.capture import Piece
+from urbihw_fakes.replay.exchanges import Exchanged
 from urbihw_fakes.replay.framing import Framing
-
-AFTER: Final = 1e-6  # s after the last piece at which the adapter goes
-BEFORE: Final = 1e-3  # s before the first piece at which it is back, for who opens it
-
-@dataclass
-class Exchanged:
-    """A request, and what came back: pieces with their delays in s from the request.
-
-    `gap` is None, or when the adapter was lost afterwards and when it was back, as delays too.
-    """
-
-    request: bytes
-    answers: list[tuple[float, bytes]] = field(default_factory=list)
-    gap: tuple[float, float] | None = None
-
-
-def exchanges(pieces: Iterable[Piece], framing: Framing) -> Iterator[Exchanged]:
-    """Yield the exchanges of a capture in their order, without its prelude."""
-    made: list[Exchanged] = []
-    asked_at = last_at = 0.0
-    gap = False
-    rest = b""
-    for piece in pieces:
-        if piece.way == ">":
-            if gap and made:
-                made[-1].gap = (last_at - asked_at + AFTER, piece.time - asked_at - BEFORE)
-            requests, rest = cut(rest + piece.data, framing)
-            gap = False
-            made += map(Exchanged, requests)
-            asked_at = piece.time
-        elif piece.way == "<" and made:
-            made[-1].answers.append((piece.time - asked_at, piece.data))
-        gap = gap or piece.way == "!"
-        last_at = piece.time
-    yield from made
-
-
-def prelude(pieces: Iterable[Piece]) -> list[tuple[float, bytes]]:
-    """Return what came before the first request, with delays in s from the first piece: some robots speak unasked."""
-    before = list(takewhile(lambda piece: piece.way != ">", pieces))
-    return [(piece.time - before[0].time, piece.data) for piece in before if piece.way == "<"]
-
-
-def cut(buffer: bytes, framing: Framing) -> tuple[list[bytes], bytes]:
-    """Cut bytes into requests; return them, and the beginning of one that is not complete."""
-    requests = []
-    while buffer:
-        size = framing.size(buffer)
-        if size == 0:
-            break
-        if size > 0:
-            requests.append(buffer[:size])
-        buffer = buffer[abs(size) :]
-    return requests, buffer
 
 
 class AnswerTable:
@@ -91,9 +34,11 @@ class AnswerTable:
         if known is None:
             self.unknown += 1
             return None
-        number = min(self._next[key], len(known) - 1)
+        number = self._next[key]
         self._next[key] += 1
-        return known[number]
+        if number < len(known):
+            return known[number]
+        return next((each for each in reversed(known) if each.answers), known[-1])
 
 
 class AnswerOrder:

@@ -6,8 +6,9 @@ from collections import deque
 from collections.abc import Callable
 
 from urbihw_fakes.device import Answer, Device
-from urbihw_fakes.replay.answers import AnswerOrder, AnswerTable, Exchanged, cut, exchanges, prelude
+from urbihw_fakes.replay.answers import AnswerOrder, AnswerTable
 from urbihw_fakes.replay.capture import Capture
+from urbihw_fakes.replay.exchanges import Exchanged, cut, exchanges, prelude
 from urbihw_fakes.replay.framing import framing_of
 
 PAUSE = 0.01  # s between two rounds of what a robot says unasked

@@ -6,21 +6,24 @@ layouts are those of the makers' manuals, as in the simulated robots of these pr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
 
 @dataclass(frozen=True)
 class Framing:
-    """The way to tell requests of a protocol apart.
+    """The way to tell packets of a protocol apart.
 
-    `size` says how many bytes the request at the head of the buffer has: 0 when more must come first, -1 when a byte
-    belongs to no request. `kind` is what two requests have in common that differ only in the values they write.
+    `size` says how many bytes the packet at the head of the buffer has: 0 when more must come first, -1 when a byte
+    belongs to no packet. `kind` is what two requests have in common that differ only in the values they write. `unit`
+    is who sends an answer, None if it does not tell; `units` are those that may answer a request.
     """
 
     size: Callable[[bytes], int]
     kind: Callable[[bytes], bytes]
+    unit: Callable[[bytes], int | None] = lambda answer: None
+    units: Callable[[bytes], Iterable[int]] = lambda request: ()
 
 
 def _whole(buffer: bytes) -> int:
@@ -50,6 +53,23 @@ def _dynamixel_kind(request: bytes) -> bytes:
     return unit + (body if body[:1] == b"\x02" else body[:address])
 
 
+_ASKING: Final = {0x01, 0x82, 0x8A, 0x92, 0x9A}
+"""Instructions to all that are answered: ping, sync read and fast sync read, bulk read and fast bulk read."""
+
+
+def _dynamixel_unit(packet: bytes) -> int:
+    return packet[4] if packet[2:4] == b"\xfd\x00" else packet[2]
+
+
+def _dynamixel_units(request: bytes) -> Iterable[int]:
+    """The one of the request; all for a ping or a read of a group, which answers one after the other."""
+    unit = _dynamixel_unit(request)
+    if unit != 0xFE:
+        return (unit,)
+    instruction = request[7] if request[2:4] == b"\xfd\x00" else request[4]
+    return range(0xFF) if instruction in _ASKING else ()
+
+
 def _arcos_size(buffer: bytes) -> int:
     """`FA FB count ...`."""
     if not b"\xfa\xfb".startswith(buffer[:2]):
@@ -63,7 +83,7 @@ def _head(length: int) -> Callable[[bytes], bytes]:
 
 WHOLE: Final = Framing(_whole, _head(3))
 """Each write is a request: transports that keep telegrams apart, and protocols that are not known here."""
-SERVOS: Final = Framing(_dynamixel_size, _dynamixel_kind)
+SERVOS: Final = Framing(_dynamixel_size, _dynamixel_kind, _dynamixel_unit, _dynamixel_units)
 FRAMINGS: Final[Mapping[str, Framing]] = {
     "bioloid": SERVOS,
     "chain": SERVOS,

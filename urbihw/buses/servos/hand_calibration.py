@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from urbihw.buses.errors import BadValue
+from urbihw.buses.errors import BadFrame, BadValue, BusTimeout
 from urbihw.buses.link import Link
 from urbihw.buses.servos.calibration import JointCalibration
 from urbihw.buses.servos.device import ServoDevice
@@ -39,6 +39,7 @@ class CalibratedJoint:
         offset: the homing offset in the servo, 0 if it has none.
         present: the position at the last look.
         low, high: the range so far.
+        is_silent: its servo did not answer at the last look.
         reversed: its direction is the reverse of that of the servo.
     """
 
@@ -48,6 +49,7 @@ class CalibratedJoint:
     present: int = 0
     low: int = 0
     high: int = 0
+    is_silent: bool = False
     reversed: bool = False
 
     @property
@@ -72,7 +74,8 @@ class HandCalibration:
     Attributes:
         joints: in the order of `servos`.
 
-    Raises ServoError for a device without a motor; all methods raise BusTimeout, BadFrame, LinkGone too.
+    Raises ServoError for a device without a motor; all methods raise LinkGone, and all but `observe`
+    BusTimeout and BadFrame.
     """
 
     def __init__(self, link: Link, servos: Mapping[str, ServoDevice]) -> None:
@@ -103,17 +106,22 @@ class HandCalibration:
             joint.present = joint.low = joint.high = joint.registers.read_one(_POSITION)
 
     def observe(self) -> None:
-        """Look where all joints are, and extend their ranges."""
+        """Look where all joints are, and extend their ranges; a servo may be silent while its plug is loose."""
         for joint in self.joints:
-            joint.present = joint.registers.read_one(_POSITION)
+            try:
+                joint.present = joint.registers.read_one(_POSITION)
+            except (BadFrame, BusTimeout):
+                joint.is_silent = True
+                continue
+            joint.is_silent = False
             joint.low, joint.high = min(joint.low, joint.present), max(joint.high, joint.present)
 
     def result(self) -> dict[str, JointCalibration]:
-        """Return the calibration of the joints that have been moved."""
+        """Return the calibration of the joints that have been moved and answer."""
         return {
             joint.name: JointCalibration(joint.id, int(joint.reversed), joint.offset, joint.low, joint.high)
             for joint in self.joints
-            if joint.is_measured
+            if joint.is_measured and not joint.is_silent
         }
 
 

@@ -53,7 +53,7 @@ def address(text: str) -> tuple[str | None, int]:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Run the console until Ctrl-D, or until all statements of the input have run."""
+    """Run the console until Ctrl-D or ``quit;``, or until all statements of the input have run."""
     try:
         host, number = options.server
         where, who = resolve_server(host, number, options.tls), credentials(options)

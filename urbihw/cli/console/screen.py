@@ -40,7 +40,7 @@ INDENT: Final = "  "
 
 
 async def run_session(where: Where, who: Credentials, environment: Mapping[str, str]) -> int:
-    """Run the console until Ctrl-D.  Raises CliRefused if the first connection fails."""
+    """Run the console until Ctrl-D or ``quit;``.  Raises CliRefused if the first connection fails."""
     screen = Screen(where, who, history(environment))
     await screen.connect()
     return await screen.run()
@@ -68,7 +68,7 @@ class Screen:
         # Computed with each key, and again for Enter.
         self._unfinished = lru_cache(maxsize=2)(unfinished)
         self._connected = asyncio.Event()
-        self._lost_once = False
+        self._lost_once = self._leaves = False
         self._prompt: PromptSession[str] = PromptSession(
             message=self._message,
             multiline=True,
@@ -106,6 +106,10 @@ class Screen:
 
     def _changed(self) -> None:
         self._connected.set()
+        if self._session.state == "lost" and self._leaves:
+            self._keeping.cancel()
+            self._prompt.app.exit(exception=EOFError)
+            return
         if self._session.state == "lost" and not self._lost_once:
             self._lost_once = True
             self._note(f"{self._session.name}: {self._session.reason}; trying again")
@@ -125,12 +129,17 @@ class Screen:
         self._prompt_printer.show(FormattedText([("class:note", f"-- {text}\n")]))
 
     def _message(self) -> FormattedText:
-        kind = "class:prompt" if self._session.state == "connected" else "class:prompt.lost"
+        kind = "class:prompt" if self._state == "connected" else "class:prompt.lost"
         return FormattedText([(kind, self._name)])
 
     @property
+    def _state(self) -> str:
+        """The state of the connection; its wanted end is not shown."""
+        return "connected" if self._leaves else self._session.state
+
+    @property
     def _name(self) -> str:
-        how = {"connected": "", "denied": " (denied)"}.get(self._session.state, " (reconnecting)")
+        how = {"connected": "", "denied": " (denied)"}.get(self._state, " (reconnecting)")
         return f"{self._session.name}{how}> "
 
     @property
@@ -158,7 +167,7 @@ class Screen:
         if self._call_hint:
             hint = textwrap.shorten(self._call_hint, self._columns - 1, placeholder=" ...")
             return FormattedText([("class:hint", hint)])
-        if self._session.state != "connected":
+        if self._state != "connected":
             return FormattedText([("class:hint", f"not connected: {self._session.reason}")])
         if text.strip() and asked_help(text) is None and self._unfinished(text):
             return FormattedText([("class:hint", "unfinished: end it with ; or , (an empty line adds the ;)")])
@@ -216,6 +225,7 @@ class Screen:
         if asked_help(text) is not None:
             self._prompt.app.create_background_task(self._help(text))
         else:
+            self._leaves = ends_session(text)
             self._session.send(text + "\n")
 
     async def _interrupt(self) -> None:
@@ -225,7 +235,7 @@ class Screen:
             self._note(f"cannot stop it: {error}")
 
     async def run(self) -> int:
-        """Run the prompt until Ctrl-D, or SIGTERM, after which the terminal settings must be restored."""
+        """Run the prompt until Ctrl-D, ``quit;``, or SIGTERM, after which the terminal settings must be restored."""
         loop = asyncio.get_running_loop()
         loop.add_signal_handler(signal.SIGTERM, lambda: self._prompt.app.exit(exception=EOFError))
         try:
@@ -270,6 +280,11 @@ def asked_help(text: str) -> str | None:
     else:
         return None
     return name if not name or whole_path(name) is not None else None
+
+
+def ends_session(text: str) -> bool:
+    """Whether the last statement of a text ends the connection, so that its end is no loss."""
+    return text.rstrip().rstrip(";,").rpartition(";")[2].strip() in ("quit", "lobby.quit")
 
 
 def lacks_separator(text: str) -> bool:

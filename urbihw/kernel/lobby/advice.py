@@ -140,7 +140,7 @@ def _of_lookup(lobby: Lobby, error: errors.LookupFailed, stack: Stack, statement
     if error.target is not lobby and name in lobby.slots:
         return f"{name} is a variable of your connection, which other objects do not see: use var Global.{name}"
     if isinstance(error.target, Obj) and _is_of_robot(lobby, error.target):
-        return _of_slots(lobby, error.target, name)
+        return _of_slots(lobby, error.target, name, text)
     if name in INSTEAD:
         return INSTEAD[name]
     if error.target is lobby and stack.routine == "updateSlot":
@@ -166,13 +166,15 @@ def _of_parts(lobby: Lobby, name: str, text: str) -> str:
     return ""
 
 
-def _of_slots(lobby: Lobby, target: Obj, name: str) -> str:
-    """What a part of the robot has instead of a slot that it lacks, or how to see its slots."""
+def _of_slots(lobby: Lobby, target: Obj, name: str, text: str) -> str:
+    """What a part of the robot has instead of a slot that it lacks, or how to see its slots, by the name that its user
+    has typed if it has several."""
     needed, told = OF_ROBOT.get(name, ("", ""))
     if needed and target.find(needed) is not None:
         return told
     known = lobby.world.global_.slots
-    own = next((name for name, value in known.items() if value is target and not name[:1].isupper()), "")
+    names = [name for name, value in known.items() if value is target and not name[:1].isupper()]
+    own = next((name for name in names if re.search(rf"\b{re.escape(name)}\b", text)), names[0] if names else "")
     if own == "robot":
         return "robot.localSlotNames; lists its slots, robot.flatDump; its parts"
     return f"{own}.localSlotNames; lists its slots" if own else ""

@@ -22,6 +22,7 @@ from urbihw.platforms.servos import words
 from urbihw.platforms.servos.devices import ServoBusDevice
 from urbihw.platforms.servos.frame import JointFrame, frame_of
 from urbihw.platforms.servos.growth import TreeGrowth
+from urbihw.platforms.servos.missing import MissingDevices
 from urbihw.platforms.servos.motors import ServoMotor
 from urbihw.platforms.servos.options import CALIBRATION, for_driver
 from urbihw.platforms.teach.motions import TaughtMotions
@@ -137,7 +138,7 @@ class ServoRobot(WiredRobot):
         self.devices: dict[int, ServoBusDevice] = {}
         self.tables: dict[str, Devices] = {}
         self._infos: dict[int, DeviceInfo] = {}
-        self._missing: dict[int, None] = {}
+        self._missing = MissingDevices(self.log, self.missing.sense)
         self._growth = TreeGrowth(self._run_growth, self.found.emit, self._complain_of_growth)
         self._pace_watch = PaceWatch()
         self._period = 0.0
@@ -161,14 +162,13 @@ class ServoRobot(WiredRobot):
         self._set_period(settings.rate)
         self._read_joints(settings)
         super().open(replace(settings, options=for_driver(settings.options)), opened)
-        if ids := settings.options.get("ids"):
-            numbers = " ".join(map(str, sorted({*ids})))
-            self.log.info("only ids %s are looked for (options.ids); other devices on the bus are left out", numbers)
+        self._missing.open(settings.options.get("ids", ()))
 
     def configure(self, settings: RobotSettings) -> None:
         """Apply new settings, also the period of the movements.  Raises BadConfig."""
         super().configure(replace(settings, options=for_driver(settings.options)))
         self._set_period(settings.rate)
+        self._missing.reload(settings.options.get("ids", ()), (each.id for each in self.expected))
 
     def _read_joints(self, settings: RobotSettings) -> None:
         """Read names and frames of the joints from ``[devices]`` and the calibration file.  Raises BadConfig."""
@@ -236,8 +236,7 @@ class ServoRobot(WiredRobot):
         shown = [kind for kind, table in self.tables.items() if table.members or kind not in _OPTIONAL]
         parts = [counted(len(self.tables[kind].members), _STATUS_WORDS[kind]) for kind in shown]
         parts[-1] += self.worker.rate_words()
-        missing = f", missing: {' '.join(map(str, self._missing))}" if self._missing else ""
-        return ", ".join(parts) + (f", lost: {' '.join(lost)}" if lost else "") + missing
+        return ", ".join(parts) + (f", lost: {' '.join(lost)}" if lost else "") + self._missing.words()
 
     # ---------------------------------------------------------------- what urbiscript calls
 
@@ -422,8 +421,7 @@ class ServoRobot(WiredRobot):
         device.motion = self.motion
         if isinstance(device, ServoMotor):
             device.mode_changed = self.limits.send
-        if self._missing.pop(info.id, 0) is None:
-            self.missing.sense([float(number) for number in self._missing])
+        self._missing.found(info.id)
         self.devices[info.id] = self.tables[made.kind_of_device].members[info.id] = device
         self._infos[info.id] = info
         self._growth.add(device)
@@ -492,8 +490,7 @@ class ServoRobot(WiredRobot):
         device = self.devices.get(message.device)
         if device is None:
             if message.new == "lost":
-                self._missing[message.device] = None
-                self.missing.sense([float(number) for number in self._missing])
+                self._missing.add(message.device)
                 if all(each.id != message.device for each in self.expected):  # else it is among the differences
                     self.log.log_event(MISSING, str(message.device))
             return
