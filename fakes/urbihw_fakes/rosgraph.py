@@ -2,7 +2,7 @@
 
 They were typed from the public description of ROS's protocols (wiki.ros.org: Master_API, Slave_API, TCPROS), with the
 standard library's XML-RPC and plain sockets.  ``RosMasterFake`` keeps the graph; ``RosNodeFake`` is a node that sends
-and takes bytes as it is told, wrong ones too.  Nothing here knows a message: bytes are bytes.
+and takes any bytes, wrong ones too.  Nothing here knows a message: bytes are bytes.
 """
 
 from __future__ import annotations
@@ -215,7 +215,7 @@ class RosConnection:
         return fields
 
     def close(self) -> None:
-        """End the connection."""
+        """Close the socket; the other side sees the end."""
         self._inner.close()
 
 
@@ -257,7 +257,7 @@ class RosNodeFake:
     def subscriber(self, number: int = 0) -> RosConnection:
         """Wait until so many others have subscribed; the connection of the last of them."""
         with self._come:
-            assert self._come.wait_for(lambda: len(self._subscribers) > number, 5.0), "nobody has subscribed"
+            assert self._come.wait_for(lambda: len(self._subscribers) > number, 5.0), "there is no subscriber"
             return self._subscribers[number]
 
     def follow(self, topic: str, kind: str, md5: str) -> tuple[RosConnection, dict[str, str]]:

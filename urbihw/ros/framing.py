@@ -42,7 +42,7 @@ def encode_header(fields: Mapping[str, str]) -> bytes:
 
 
 def decode_header(data: bytes) -> dict[str, str]:
-    """The fields of a header, given without its length.  Raises PeerError if it is none."""
+    """The fields of a header, given without its length.  Raises PeerError for other bytes."""
     fields: dict[str, str] = {}
     at = 0
     while at < len(data):

@@ -1,6 +1,6 @@
 """One ROS 1 node: its two servers, what it publishes, follows and offers, and its way back to a lost master.
 
-A node of the same name that starts later ends this one, as ROS has it: ``on_shutdown`` is told the reason.
+A node of the same name that starts later ends this one, as ROS has it: ``on_shutdown`` gets the reason.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from urbihw.ros.framing import encode_header
 from urbihw.ros.master import GraphState, RosMaster
 from urbihw.ros.messages import MessageType, MessageTypes
 from urbihw.ros.names import checked_name, own_address
-from urbihw.ros.publications import PeerNews, Publication
+from urbihw.ros.publications import PeerNews, RosPublication
 from urbihw.ros.rpc import RpcServer, cancel_all
 from urbihw.ros.services import Answering, OfferedService, ServiceCaller
 from urbihw.ros.streams import READ_AHEAD_BYTES, RosStream
-from urbihw.ros.subscriptions import Receiver, Subscription, definition_of
+from urbihw.ros.subscriptions import Receiver, RosSubscription, definition_of
 
 log = logging.getLogger("urbihw.ros")
 
@@ -57,15 +57,15 @@ class RosNode:
         self._server: asyncio.Server | None = None
         self._port = 0
         self._streams: set[asyncio.Task[None]] = set()
-        self._publications: dict[str, Publication] = {}
-        self._subscriptions: dict[str, Subscription] = {}
+        self._publications: dict[str, RosPublication] = {}
+        self._subscriptions: dict[str, RosSubscription] = {}
         self._services: dict[str, OfferedService] = {}
         self._registrations: dict[tuple[str, str], Registration] = {}
         self._watch: asyncio.Task[None] | None = None
         self._log = LimitedLog(log)
 
     async def start(self) -> None:
-        """Listen.  Raises OSError."""
+        """Listen for the master, for subscribers and for callers.  Raises OSError."""
         await self._rpc.start(self._host)
         self._server = await asyncio.start_server(self._accept, self._host, 0, limit=READ_AHEAD_BYTES)
         self._port = self._server.sockets[0].getsockname()[1]
@@ -90,7 +90,7 @@ class RosNode:
 
     async def publish(
         self, topic: str, kind: str, latch: bool = False, on_peer: PeerNews = lambda node, here: None
-    ) -> Publication:
+    ) -> RosPublication:
         """Begin to publish a topic; ``kind`` "" for the type that the master knows.  Raises RosError."""
         topic = checked_name(topic)
         if topic in self._publications:
@@ -99,7 +99,7 @@ class RosNode:
         kind = kind or await self.master.topic_type(topic)
         if not kind:
             raise RosError(f"topic {topic} is not known: give its type")
-        made = Publication(topic, self.types.find(kind), latch, on_peer)
+        made = RosPublication(topic, self.types.find(kind), latch, on_peer)
         self._publications[topic] = made
         try:
             await self._register("publish", topic, Registration(
@@ -117,7 +117,7 @@ class RosNode:
             found.close()
             await self._withdraw("publish", found.topic)
 
-    async def subscribe(self, topic: str, kind: str, receive: Receiver) -> Subscription:
+    async def subscribe(self, topic: str, kind: str, receive: Receiver) -> RosSubscription:
         """Follow a topic; ``kind`` "" for the type that the master knows.  Raises RosError."""
         topic = checked_name(topic)
         if topic in self._subscriptions:
@@ -125,8 +125,8 @@ class RosNode:
         self._check_room()
         kind = kind or await self.master.topic_type(topic)
         if not kind:
-            raise RosError(f"topic {topic} is not known: nobody has told its type")
-        made = Subscription(topic, await self._type_of_topic(topic, kind), self.name, receive)
+            raise RosError(f"topic {topic} is not known: no node has told its type")
+        made = RosSubscription(topic, await self._type_of_topic(topic, kind), self.name, receive)
         self._subscriptions[topic] = made
         try:
             made.follow(await self._register("subscribe", topic, Registration(
@@ -153,7 +153,7 @@ class RosNode:
             raise unknown
 
     async def unsubscribe(self, topic: str) -> None:
-        """Leave a topic."""
+        """Leave a topic that this node follows; else nothing happens."""
         found = self._subscriptions.pop(checked_name(topic), None)
         if found is not None:
             await found.close()
@@ -312,9 +312,9 @@ class RosNode:
         finally:
             stream.close()
 
-    def _served(self, fields: Mapping[str, str]) -> Publication | OfferedService:
+    def _served(self, fields: Mapping[str, str]) -> RosPublication | OfferedService:
         """What a peer has connected for.  Raises PeerError."""
-        found: Publication | OfferedService | None
+        found: RosPublication | OfferedService | None
         if "service" in fields:
             found = self._services.get(fields["service"])
         else:

@@ -20,7 +20,7 @@ PeerNews = Callable[[str, bool], None]
 """Is told the node that has subscribed (True) or that has gone (False)."""
 
 
-class Publication:
+class RosPublication:
     """A topic with its type.
 
     Attributes:

@@ -16,7 +16,7 @@ READ_AHEAD_BYTES: Final = 1 << 20
 
 
 class RosStream:
-    """One connection."""
+    """One connection, with messages as frames in both directions."""
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._reader = reader
@@ -42,7 +42,7 @@ class RosStream:
         return found
 
     async def receive(self) -> bytes:
-        """The next message."""
+        """The next message.  Raises PeerError for one that is too large, EOFError at the end."""
         return await self._receive(MAX_FRAME_BYTES)
 
     async def receive_byte(self) -> int:

@@ -25,7 +25,7 @@ Receiver = Callable[[bytes, str], None]
 """Is told the bytes of a message and the node that has sent it."""
 
 
-class Subscription:
+class RosSubscription:
     """A topic with its type.  ``publishers`` are the nodes that are connected, by their addresses."""
 
     def __init__(self, topic: str, kind: MessageType, node: str, receive: Receiver) -> None:
@@ -46,7 +46,7 @@ class Subscription:
                 self._tasks[uri] = asyncio.get_running_loop().create_task(self._keep(uri))
 
     async def close(self) -> None:
-        """Leave all publishers."""
+        """Leave all publishers, for good."""
         tasks, self._tasks = {*self._tasks.values()}, {}
         await cancel_all(tasks)
 

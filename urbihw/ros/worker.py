@@ -32,9 +32,9 @@ from urbihw.ros.orders import (
     TopicMessage,
     packed,
 )  # fmt: skip
-from urbihw.ros.publications import Publication
+from urbihw.ros.publications import RosPublication
 from urbihw.ros.services import ServiceCaller
-from urbihw.ros.subscriptions import Subscription
+from urbihw.ros.subscriptions import RosSubscription
 
 log = logging.getLogger("urbihw.ros")
 
@@ -47,7 +47,7 @@ class FollowedTopic:
 
     def __init__(self, say: Say, topic: str) -> None:
         self.handles: dict[int, None] = {}
-        self.subscription: Subscription | None = None
+        self.subscription: RosSubscription | None = None
         self._say = say
         self._topic = topic
         self._waiting: deque[bytes] = deque(maxlen=WINDOW)
@@ -83,7 +83,7 @@ class PublishedTopic:
 
     def __init__(self, say: Say) -> None:
         self.handles: dict[int, None] = {}
-        self.publication: Publication | None = None
+        self.publication: RosPublication | None = None
         self._say = say
 
     def note_peer(self, node: str, here: bool) -> None:
@@ -116,7 +116,7 @@ class SharedTopics:
         return found.subscription.kind.name, found.subscription.kind.template()
 
     async def unsubscribe(self, handle: int, topic: str) -> None:
-        """Leave a topic."""
+        """Leave a topic for one object; the last one ends the subscription."""
         topic = checked_name(topic)
         async with self._turn:
             found = self._followed.get(topic)
@@ -148,7 +148,7 @@ class SharedTopics:
         return publication.kind.name, publication.kind.template()
 
     async def unadvertise(self, handle: int, topic: str) -> None:
-        """End a topic."""
+        """Publish a topic no more for one object; the last one ends it."""
         topic = checked_name(topic)
         async with self._turn:
             found = self._published.get(topic)

@@ -155,11 +155,11 @@ class RosOffer:
             value = self._world.invoke(self._function, self._this, (value_of(self._world, said.request),), self.name)
             answer.complete(message_of(self._world, value, "response"))
 
-        def over(job: Any) -> None:
+        def over(_: Any) -> None:
             if answer.done:
                 link.tell("respond", said.call, answer.value, "")
             else:
-                link.tell("respond", said.call, {}, f"the function has failed: {job.error or 'stopped'}"[:300])
+                link.tell("respond", said.call, {}, "the function of the service has failed: urbihw tells why")
 
         self._world.scheduler.spawn(work, f"ROS service {self.name}", context=self._owner).when_ended(over)
 
@@ -168,7 +168,7 @@ class RosOffer:
         self._holdings.unregister(self)
 
     def close(self) -> None:
-        """End the service."""
+        """End the service, also when the connection has ended."""
         self._holdings.unregister(self)
         link = ros_link(self._world)
         link.forget(self.handle)

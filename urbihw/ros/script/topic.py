@@ -208,7 +208,7 @@ def advertise(world: World, this: RosTopicObject, type: str = "", latch: bool = 
 
 @TABLE.primitive("unadvertise")
 def unadvertise(world: World, this: RosTopicObject) -> None:
-    """End the publishing."""
+    """Publish no more: the subscribers are sent away."""
     if not this.advertised:
         raise errors.primitive(f"{this.name}: not advertised")
     this.advertised = False
