@@ -224,6 +224,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.kernel.server",
         "urbihw.kernel.lobby",
         "urbihw.robot",
+        "urbihw.ros.script",
         "urbihw.platforms",
         # The world of a simulated robot.
         "urbihw.platforms.scene",
@@ -254,6 +255,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.kernel.server",
         "urbihw.kernel.lobby",
         "urbihw.robot",
+        "urbihw.ros.script",
         "urbihw.platforms",
         "urbihw.buses",
         "urbihw.settings",
@@ -285,6 +287,10 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.kernel.process", "urbihw.kernel.uobject", "urbihw.kernel.uremote", "urbihw.robot", "urbihw.client",
         "urbihw.backoff", "urbihw.exitcodes",
     ),  # fmt: skip
+    # A node of ROS: never of the kernel, so that it can be a process of its own.
+    "urbihw.ros": ("urbihw.backoff", "urbihw.repeats"),
+    # Ros of urbiscript: the kernel's end of that process.
+    "urbihw.ros.script": ("urbihw.ros", "urbihw.kernel.library", "urbihw.extras"),
     # How a server is reached.  What it says is read in one place, for commands and for devices in another process.
     "urbihw.client": ("urbihw.client.lines", "urbihw.client.values", "urbihw.started"),
     "urbihw.client.lines": (),

@@ -14,6 +14,7 @@ from urbihw.kernel.runtime.primitive import CheckedPrimitive, Table
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.robot import ROBOT_LIBRARY
+from urbihw.ros.script import ROS_LIBRARY
 
 table = Table("Checks")
 
@@ -51,7 +52,7 @@ def test_a_class_that_the_module_does_not_have_is_named_when_the_built_in_is_mad
 
 def test_each_built_in_of_the_library_finds_the_classes_of_its_arguments() -> None:
     """Their checks are made at the first call, so that a start does without them."""
-    world = Kernel(SimClock(), libraries=(ROBOT_LIBRARY,)).world
+    world = Kernel(SimClock(), libraries=(ROBOT_LIBRARY, ROS_LIBRARY)).world
     made = [value for proto in world.classes.values() for value in proto.slots.values()]
     checked = [value for value in made if isinstance(value, CheckedPrimitive)]
     assert len(checked) > 500

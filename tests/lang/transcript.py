@@ -36,6 +36,7 @@ from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.sched.clock import SimClock
 from urbihw.kernel.sched.signals import JobKilled
 from urbihw.robot import ROBOT_LIBRARY
+from urbihw.ros.script import ROS_LIBRARY
 
 TIMEOUT_S = 3600.0
 """Simulated seconds a unit may take."""
@@ -133,7 +134,7 @@ class Player:
     def __init__(self, effort: float = EFFORT) -> None:
         self.effort = effort
         self.clock = SimClock()
-        self.kernel = Kernel(self.clock, libraries=(ROBOT_LIBRARY,))
+        self.kernel = Kernel(self.clock, libraries=(ROBOT_LIBRARY, ROS_LIBRARY))
         self._posted = threading.Event()
         self.kernel.scheduler.set_wake_host(self._posted.set)
 

@@ -17,6 +17,7 @@ from urbihw.kernel.stdlib.documentation import Docstrings
 from urbihw.kernel.stdlib.signatures import arguments
 from urbihw.kernel.syntax.tokens import is_identifier
 from urbihw.robot import ROBOT_LIBRARY
+from urbihw.ros.script import ROS_LIBRARY
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "reference"
 EXAMPLES = "## Examples\n"
@@ -29,7 +30,8 @@ CLASSES = (
     "Float", "Float.limits", "FormatInfo", "Formatter", "Global", "Group", "InputStream", "IoService", "Job",
     "Kernel1", "Lazy", "List", "Loadable", "Lobby", "Location", "Math", "Mutex", "nil", "Object", "Orderable",
     "OutputStream", "Pair", "Path", "Pattern", "Position", "Primitive", "Process", "Profiling", "PseudoLazy", "PubSub",
-    "PubSub.Subscriber", "RangeIterable", "Regexp", "Semaphore", "Server", "Singleton", "Socket", "StackFrame",
+    "PubSub.Subscriber", "RangeIterable", "Regexp", "Ros", "Ros.Service", "Ros.Topic",
+    "Semaphore", "Server", "Singleton", "Socket", "StackFrame",
     "String", "Subscription", "System", "System.PackageInfo", "System.Platform", "Tag", "Timeout", "Traceable",
     "TrajectoryGenerator", "Triplet", "Tuple", "UObject", "UValue", "UVar", "void", "WeakDictionary", "WeakPointer",
 )  # fmt: skip
@@ -44,7 +46,7 @@ class Pages:
     """The pages of one world's library."""
 
     def __init__(self) -> None:
-        self._world = Kernel(fast=True, libraries=(ROBOT_LIBRARY,)).world
+        self._world = Kernel(fast=True, libraries=(ROBOT_LIBRARY, ROS_LIBRARY)).world
         self._docs = Docstrings(self._world)
 
     def all(self) -> dict[str, str]:

@@ -18,6 +18,7 @@ from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.runtime.code import Primitive
 from urbihw.robot import ROBOT_LIBRARY
 from urbihw.robot.sampling import feeds_of
+from urbihw.ros.script import ROS_LIBRARY
 
 LEFT_OUT = {
     ("System", "_exit"): "does not return",
@@ -48,7 +49,7 @@ class Bench:
     """One kernel, and values made by urbiscript."""
 
     def __init__(self, name: str) -> None:
-        self.kernel = Kernel(fast=True, libraries=(ROBOT_LIBRARY,))
+        self.kernel = Kernel(fast=True, libraries=(ROBOT_LIBRARY, ROS_LIBRARY))
         self.world = self.kernel.world
         self.lobby: Lobby = self.kernel.open_lobby("127.0.0.1")
         self.other = self.kernel.open_lobby("127.0.0.1")

@@ -14,6 +14,7 @@ from urbihw.kernel import Kernel
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.stdlib.documentation import Docstrings
 from urbihw.robot import ROBOT_LIBRARY
+from urbihw.ros.script import ROS_LIBRARY
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +41,7 @@ def test_the_pages_have_examples(pages: dict[str, str]) -> None:
 
 @pytest.fixture(scope="module")
 def kernel() -> Kernel:
-    return Kernel(fast=True, libraries=(ROBOT_LIBRARY,))
+    return Kernel(fast=True, libraries=(ROBOT_LIBRARY, ROS_LIBRARY))
 
 
 @pytest.fixture(scope="module")

@@ -11,6 +11,7 @@ from library_samples import SAMPLES
 
 from urbihw.kernel import Kernel
 from urbihw.robot import ROBOT_LIBRARY
+from urbihw.ros.script import ROS_LIBRARY
 
 UNSET = {("Event", "onSubscribe")}
 """Slots that are not there until somebody makes them, says the manual itself."""
@@ -37,7 +38,7 @@ SLOTS = documented()
 def kernel(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Kernel]:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("slots"))
-        yield Kernel(fast=True, libraries=(ROBOT_LIBRARY,))
+        yield Kernel(fast=True, libraries=(ROBOT_LIBRARY, ROS_LIBRARY))
 
 
 def sample(kernel: Kernel, name: str) -> Any:

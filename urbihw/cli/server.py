@@ -26,6 +26,7 @@ from urbihw.kernel.process import KernelProcess
 from urbihw.kernel.server.bounds import HOLD_LIMIT, NONE, bounds
 from urbihw.kernel.uobject import BadConfig
 from urbihw.robot import ROBOT_LIBRARY
+from urbihw.ros.script import ROS_LIBRARY
 
 CONSOLE_FILES: Final = ("URBI.INI", "global.u", "CLIENT.INI", "local.u")
 """The files that the console loads when the server starts; the names in capitals are the older ones."""
@@ -114,7 +115,7 @@ class UrbiProgram:
         kernel = process.boot(
             bounds(settings.hold_limit) if settings.port >= 0 else NONE,
             fast=settings.fast, name=settings.program, arguments=settings.arguments, reboot=self._reboot,
-            libraries=(ROBOT_LIBRARY,),
+            libraries=(ROBOT_LIBRARY, ROS_LIBRARY),
         )
         kernel.programs.quiet = settings.quiet
         terminal = self._terminal = Terminal(process)

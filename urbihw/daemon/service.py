@@ -45,6 +45,7 @@ from urbihw.platforms import Manifest
 from urbihw.platforms.scene.view import TREE, WorldView
 from urbihw.repeats import LimitedLog
 from urbihw.robot import ROBOT_LIBRARY
+from urbihw.ros.script import ROS_LIBRARY
 
 log = logging.getLogger("urbihw.daemon")
 
@@ -162,7 +163,7 @@ class DaemonService:
                 raise StartError(f"platform {manifest.name} has no simulated robot; give its --url")
             self._fake = Fake((*manifest.fake, *(("--world", config.world) if config.world else ())))
         limits = bounds(config.hold_limit, config.memory_limit, config.max_jobs)
-        kernel = self._process.boot(limits, led=manifest.leads_time, libraries=(ROBOT_LIBRARY,))
+        kernel = self._process.boot(limits, led=manifest.leads_time, libraries=(ROBOT_LIBRARY, ROS_LIBRARY))
         kernel.programs.quiet = config.quiet
         kernel.world.unheard = self._log_said
         for known in (kind, *kind.classes):

@@ -267,6 +267,13 @@ def make_socket(world: World, this: ServiceObject) -> Value:
     return made
 
 
+def automatic_service(world: World) -> ServiceObject:
+    """The default service: it handles events without a poll, in a job of the lobby that they belong to."""
+    found = world.classes["Socket"].service
+    assert isinstance(found, ServiceObject)
+    return found
+
+
 def install(world: World, programs: Any) -> None:
     """Make the default service, which needs no polling, and the Sockets that use it."""
     service = ServiceObject(world, [world.classes["IoService"]], True)

@@ -1,0 +1,19 @@
+"""What can go wrong with ROS; the message of each error is one line for the user."""
+
+from __future__ import annotations
+
+
+class RosError(Exception):
+    """Something that ROS refuses or that cannot be done."""
+
+
+class NoMaster(RosError):
+    """The master does not answer."""
+
+
+class PeerError(RosError):
+    """Another node has said something wrong, or has refused us."""
+
+
+class MessageError(RosError):
+    """A message that does not have the form of its type; the text names the field."""

@@ -1,0 +1,108 @@
+"""A topic to which this node has subscribed: a connection to each publisher, opened again while the master lists it."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Iterable
+from typing import Any, Final
+
+from urbihw.backoff import BackOff
+from urbihw.repeats import LimitedLog
+from urbihw.ros import rpc
+from urbihw.ros.errors import PeerError, RosError
+from urbihw.ros.master import value_of
+from urbihw.ros.messages import MessageType
+from urbihw.ros.rpc import cancel_all
+from urbihw.ros.streams import RosStream, connect
+
+log = logging.getLogger("urbihw.ros")
+
+FIRST_PAUSE_S: Final = 0.2
+MAX_PAUSE_S: Final = 5.0
+MAX_PUBLISHERS: Final = 64
+Receiver = Callable[[bytes, str], None]
+"""Is told the bytes of a message and the node that has sent it."""
+
+
+class RosSubscription:
+    """A topic with its type.  ``publishers`` are the nodes that are connected, by their addresses."""
+
+    def __init__(self, topic: str, kind: MessageType, node: str, receive: Receiver) -> None:
+        self.topic, self.kind = topic, kind
+        self.receive = receive
+        self.publishers: dict[str, str] = {}
+        self._node = node
+        self._tasks: dict[str, asyncio.Task[None]] = {}
+        self._log = LimitedLog(log)
+
+    def follow(self, uris: Iterable[str]) -> None:
+        """Connect to these publishers, and leave all others."""
+        wanted = dict.fromkeys([*uris][:MAX_PUBLISHERS])
+        for uri in [uri for uri in self._tasks if uri not in wanted]:
+            self._tasks.pop(uri).cancel()
+        for uri in wanted:
+            if uri not in self._tasks:
+                self._tasks[uri] = asyncio.get_running_loop().create_task(self._keep(uri))
+
+    async def close(self) -> None:
+        """Leave all publishers, for good."""
+        tasks, self._tasks = {*self._tasks.values()}, {}
+        await cancel_all(tasks)
+
+    async def _keep(self, uri: str) -> None:
+        """Receive from a publisher, again after each end.  One that has died without a word stays listed."""
+        pauses = BackOff(FIRST_PAUSE_S, MAX_PAUSE_S)
+        while True:
+            try:
+                await self._receive_all(uri, pauses)
+            except RosError as error:
+                self._log.say(uri, "%s: publisher at %s: %s", self.topic, uri, error)
+            except (OSError, EOFError) as error:
+                log.debug("%s: publisher at %s has gone: %s", self.topic, uri, error)
+            self.publishers.pop(uri, None)
+            await asyncio.sleep(pauses.next_pause())
+
+    async def _receive_all(self, uri: str, pauses: BackOff) -> None:
+        stream, name = await dial_topic(uri, self.topic, self.kind.name, self.kind.md5, self._node, self.kind)
+        try:
+            self.publishers[uri] = name
+            pauses.reset()
+            while True:
+                self.receive(await stream.receive(), name)
+        finally:
+            stream.close()
+
+
+async def dial_topic(
+    uri: str, topic: str, kind: str, md5: str, node: str, known: MessageType | None = None
+) -> tuple[RosStream, str]:
+    """Connect to a publisher; the stream of its messages, and its name.  Raises RosError."""
+    stream, fields = await _greeted(uri, topic, kind, md5, node)
+    if known is not None and fields.get("md5sum", known.md5) not in ("*", known.md5):
+        stream.close()
+        raise PeerError(f"{topic} has md5 sum {fields['md5sum']}, not {known.md5}: another version of {kind}")
+    return stream, fields.get("callerid", "")[:256]
+
+
+async def definition_of(uri: str, topic: str, kind: str, node: str) -> tuple[str, str]:
+    """The definition and the md5 sum that a publisher tells of a type.  Raises RosError."""
+    stream, fields = await _greeted(uri, topic, kind, "*", node)
+    stream.close()
+    return fields.get("message_definition", ""), fields.get("md5sum", "*")
+
+
+async def _greeted(uri: str, topic: str, kind: str, md5: str, node: str) -> tuple[RosStream, dict[str, str]]:
+    told: Any = value_of(await rpc.call(uri, "requestTopic", node, topic, [["TCPROS"]]))
+    if not isinstance(told, list) or len(told) < 3 or told[0] != "TCPROS" or not isinstance(told[2], int):
+        raise PeerError(f"publisher at {uri} offers no TCPROS")
+    stream = await connect(str(told[1]), told[2])
+    try:
+        fields = {"callerid": node, "topic": topic, "type": kind, "md5sum": md5, "tcp_nodelay": "1"}
+        return stream, await stream.greet(fields)
+    except EOFError as error:
+        stream.close()
+        raise PeerError(f"publisher at {uri} has closed the connection") from error
+    except BaseException:
+        stream.close()
+        raise
