@@ -97,7 +97,9 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     # The process around a kernel: what a daemon, a console and a remote have in common.
     "urbihw.kernel.process": ("urbihw.kernel.facade", "urbihw.kernel.server"),
     # What all robots have in common in urbiscript.
-    "urbihw.robot": ("urbihw.kernel.library",),
+    "urbihw.robot": ("urbihw.kernel.library", "urbihw.figure"),
+    # Links, joints and shapes of a robot: a table, and what is calculated from it.
+    "urbihw.figure": (),
     # What a setting may be: of the daemon, of a platform, of a bus url.
     "urbihw.settings": (),
     # Files that a user names.
@@ -142,7 +144,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.platforms.words": (),
     "urbihw.platforms.taken": (),
     "urbihw.platforms.identity": ("urbihw.kernel.uobject", "urbihw.settings"),
-    "urbihw.platforms.hooks": ("urbihw.buses", "urbihw.platforms.limits"),
+    "urbihw.platforms.hooks": ("urbihw.buses", "urbihw.figure", "urbihw.platforms.limits"),
     "urbihw.platforms.session": ("urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings"),
     "urbihw.platforms.problems": ("urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.devicelog"),
     "urbihw.platforms.guarded": (
@@ -190,12 +192,14 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     ),  # fmt: skip
     # Servos as objects, for every robot on a servo bus.
     "urbihw.platforms.servos": (
-        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.buses.pace", "urbihw.settings", "urbihw.platforms.base",
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.buses.pace", "urbihw.settings", "urbihw.figure",
+        "urbihw.platforms.base",
         "urbihw.platforms.channel", "urbihw.platforms.expected", "urbihw.platforms.hooks", "urbihw.platforms.limits",
         "urbihw.platforms.devicelog", "urbihw.platforms.words", "urbihw.platforms.teach",
     ),  # fmt: skip
     ROBOT: (
-        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.extras", "urbihw.platforms.base",
+        "urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings", "urbihw.extras", "urbihw.figure",
+        "urbihw.platforms.base",
         "urbihw.platforms.arrival", "urbihw.platforms.channel", "urbihw.platforms.expected", "urbihw.platforms.hooks",
         "urbihw.platforms.limits",
         "urbihw.platforms.devicelog", "urbihw.platforms.streamed", "urbihw.platforms.measured",
@@ -273,6 +277,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.buses.verdict",
         "urbihw.web",
         "urbihw.recording",
+        "urbihw.figure",
     ),
     # A client of the server and of the bus worker: never of the kernel or a platform.  It uses the daemon's state
     # folder.

@@ -3,8 +3,8 @@
 ``urbihw.connect("robot.local")`` is for programs that use a robot (``client``); it loads no kernel.
 
 What to read, in order: ``kernel`` (the language), ``buses`` (wires), ``navigation`` (maps and paths), ``platforms``
-(robots), ``daemon`` and ``cli`` (the programs that users start).  The simulated robots are beside this package, in
-``urbihw_fakes``.
+(robots), ``figure`` (their links and joints), ``daemon`` and ``cli`` (the programs that users start).  The simulated
+robots are beside this package, in ``urbihw_fakes``.
 """
 
 from __future__ import annotations

@@ -6,7 +6,8 @@ from urbihw.kernel import Kernel
 from urbihw.robot import ROBOT_LIBRARY
 
 OF_ROBOTS = [
-    "Component", "Interface", "Localization", "Localizer", "Mobility", "MobilityWay", "StructureEntry", "Subscription",
+    "Component", "Figure", "Interface", "Localization", "Localizer", "Mobility", "MobilityWay", "StructureEntry",
+    "Subscription",
 ]  # fmt: skip
 
 

@@ -29,6 +29,7 @@ COMMANDS: Final = {
     "find": "find the robots that are announced in the network",
     "config": "check settings, show those in force",
     "platforms": "list the robots that urbihw knows",
+    "figure": "print the figure of a robot: links and joints, as URDF, as JSON",
     "scan": "search the serial ports for servos, or the network for robots",
     "servo": "set up single servos: id, speed, registers, backup, replacement",
     "calibrate": "calibrate the joints of a servo chain by hand",

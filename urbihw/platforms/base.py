@@ -10,6 +10,7 @@ scheduler round.
 
 from __future__ import annotations
 
+import json
 import logging
 import time
 from collections.abc import Callable
@@ -130,6 +131,12 @@ class WiredRobot(RobotHooks, PlatformRobot):
         Earlier statements that would move it later end with an error.
         """
         self.guard.halt_all(self.motion.asked())
+
+    @function("figureText")
+    def figure_text(self) -> str:
+        """Return the links, joints and shapes of the robot as JSON; "" for a robot without a figure."""
+        figure = self.figure()
+        return "" if figure is None else json.dumps(figure.as_table(), separators=(",", ":"))
 
     def status(self) -> str:
         return self.summary() if self.arrival.is_up() else "link down"

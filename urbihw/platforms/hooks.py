@@ -5,10 +5,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, ClassVar, Protocol
 
 from urbihw.buses import messages as m
+from urbihw.figure import Figure
+from urbihw.figure.model import figure_file, read
 from urbihw.platforms.limits import DeviceLimits
 
 LimitNamer = Callable[[str], str]
@@ -41,6 +45,14 @@ class RobotHooks:
     def summary(self) -> str:
         """Return the status of the robot in a few words, while the link is up: see ``status`` of ``PlatformRobot``."""
         raise NotImplementedError
+
+    def figure(self) -> Figure | None:
+        """Return its links, joints and shapes: those of ``figure.toml`` beside its class; None for no such file.
+
+        Raises BadFigure.
+        """
+        path = figure_file(Path(sys.modules[type(self).__module__].__file__ or ""))
+        return None if path is None else read(path)
 
     def has_own_limits(self) -> bool:
         """Return whether devices have limits of their own, besides those of the settings."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, ClassVar, Final
 
 from urbihw.buses import messages as m
@@ -12,6 +13,8 @@ from urbihw.buses.servos import calibration
 from urbihw.buses.servos.calibration import BadCalibration, JointCalibration
 from urbihw.buses.servos.device import DeviceInfo
 from urbihw.buses.servos.status import FEETECH
+from urbihw.figure import Figure
+from urbihw.figure.model import read
 from urbihw.kernel.uobject import BadConfig, NotReady, Opened, RobotSettings, UObject, event, function, reading
 from urbihw.platforms import expected
 from urbihw.platforms.base import WiredRobot
@@ -24,7 +27,7 @@ from urbihw.platforms.servos.frame import JointFrame, frame_of
 from urbihw.platforms.servos.growth import TreeGrowth
 from urbihw.platforms.servos.missing import MissingDevices
 from urbihw.platforms.servos.motors import ServoMotor
-from urbihw.platforms.servos.options import CALIBRATION, for_driver
+from urbihw.platforms.servos.options import CALIBRATION, FIGURE, for_driver
 from urbihw.platforms.teach.motions import TaughtMotions
 from urbihw.platforms.words import counted
 
@@ -161,14 +164,20 @@ class ServoRobot(WiredRobot):
         self.motions.use_folder(settings.motions)
         self._set_period(settings.rate)
         self._read_joints(settings)
+        self._drawn = str(settings.options.get(FIGURE, ""))
         super().open(replace(settings, options=for_driver(settings.options)), opened)
         self._missing.open(settings.options.get("ids", ()))
 
     def configure(self, settings: RobotSettings) -> None:
         """Apply new settings, also the period of the movements.  Raises BadConfig."""
         super().configure(replace(settings, options=for_driver(settings.options)))
+        self._drawn = str(settings.options.get(FIGURE, ""))
         self._set_period(settings.rate)
         self._missing.reload(settings.options.get("ids", ()), (each.id for each in self.expected))
+
+    def figure(self) -> Figure | None:
+        """Return the figure that the settings name, else that of the platform.  Raises BadFigure."""
+        return read(Path(self._drawn)) if self._drawn else super().figure()
 
     def _read_joints(self, settings: RobotSettings) -> None:
         """Read names and frames of the joints from ``[devices]`` and the calibration file.  Raises BadConfig."""
