@@ -83,6 +83,8 @@ def test_an_assistant_looks(lan: Lan) -> None:
         (problem,) = (await told(client, "health"))["problems"]
         assert len(problem) == 300 and problem.startswith("a long xx")
         assert "Unit: rad." in (await told(client, "explain", slot="elbow.val"))["result"]
+        for slot in ("robot.stop.x", "robot.stop", "stop.x", "lobby.quit.x", "robot[System.shutdown].x", "a; quit"):
+            await told(client, "explain", slot=slot)
         shown = await client.call_tool("picture", {"slot": "photo"})
         assert isinstance(shown.content[0], ImageContent) and shown.content[0].mime_type == "image/jpeg"
         (guide,) = (await client.read_resource("robot://guide")).contents
@@ -90,6 +92,19 @@ def test_an_assistant_looks(lan: Lan) -> None:
         assert "move" in await told(client, "move", goals={"elbow": 1})  # an unknown tool
 
     assisted(lan, steps, "view")
+    with urbihw.connect("127.0.0.1", lan.plain_port) as robot:
+        assert robot.robot.stops == 0
+
+
+def test_an_assistant_has_few_orders_at_a_time(lan: Lan) -> None:
+    async def steps(client: Client) -> None:
+        async with asyncio.TaskGroup() as group:
+            tasks = [group.create_task(told(client, "play", name="wave", seconds=1.5)) for _ in range(9)]
+        answers = [task.result() for task in tasks]
+        assert sum("4 orders are carried out" in answer for answer in answers) == 5
+        assert sum("not done within 1.5 s" in answer for answer in answers) == 4
+
+    assisted(lan, steps)
 
 
 @pytest.mark.parametrize("mode", ["auto", "legacy"])

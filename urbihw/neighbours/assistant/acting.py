@@ -20,6 +20,8 @@ from urbihw.client.session import message_of
 from urbihw.neighbours.assistant.settings import SPEEDS, AssistantSettings
 
 CONNECT_TIMEOUT_S: Final = 10.0
+MAX_ORDERS: Final = 4
+"""Orders at a time."""
 MAX_SAID: Final = 5
 """Lines that the robot says meanwhile, of which the last are passed on."""
 MAX_TEXT: Final = 300
@@ -57,6 +59,7 @@ class Actor:
 
     def __init__(self, settings: AssistantSettings) -> None:
         self.settings = settings
+        self._running = 0
 
     async def dial(self, name: str, said: deque[str], reconnect: bool = False) -> AsyncRobot:
         """A connection that bears the name of the assistant; ``said`` gets what the robot says.  Raises ClientError."""
@@ -74,14 +77,17 @@ class Actor:
     async def order(self, name: str, words: str) -> AsyncIterator[tuple[AsyncRobot, deque[str]]]:
         """A connection for one order, with a lease, and what the robot says meanwhile.  The order is in the log of the
         daemon, in words."""
+        if self._running >= MAX_ORDERS:
+            raise OrderRefused(f"{MAX_ORDERS} orders are carried out already")
         said: deque[str] = deque(maxlen=MAX_SAID)
-        robot = await self.dial(name, said)
+        self._running += 1
         try:
-            await note(robot, words)
-            async with robot.lease(self.settings.lease):
-                yield robot, said
+            async with await self.dial(name, said) as robot:
+                await note(robot, words)
+                async with robot.lease(self.settings.lease):
+                    yield robot, said
         finally:
-            await robot.close()
+            self._running -= 1
 
     async def move(self, name: str, goals: Mapping[str, float], speed: float, seconds: float) -> dict[str, Any]:
         """Move joints to their goals at the same time, no faster than ``speed`` (units of the goal in a second) and

@@ -9,7 +9,7 @@ from io import BytesIO
 from typing import Any, Final
 
 from urbihw.client.aio import AsyncRobot
-from urbihw.client.literals import string_literal
+from urbihw.client.literals import checked_path, string_literal
 from urbihw.client.media import Picture
 from urbihw.extras import install_command
 from urbihw.neighbours.assistant.acting import CONNECT_TIMEOUT_S, Actor, OrderRefused, note, short, values
@@ -76,13 +76,14 @@ class Watcher:
                 "log": [f"{row['level']}: {short(row['text'])}" for row in rows]}  # fmt: skip
 
     async def explain(self, name: str, slot: str) -> str:
-        """What a slot is, in the words of the library.  Raises ClientError, ValueError."""
-        robot = await self._link(name)
-        holder, _, last = slot.rpartition(".")
-        if not holder:
-            return str(await robot[slot].get_meaning())
-        text = f"System.documentation({robot.slot(holder).urbiscript_path()}, {string_literal(last)})"
-        return str(await robot.run(text, timeout=CONNECT_TIMEOUT_S))
+        """What a slot is, in the words of the library; no function is called.  Raises ClientError, OrderRefused."""
+        *holders, last = checked_path(slot).split(".")
+        if "[" in slot:
+            raise OrderRefused(f"name {slot} without an index")
+        # A path that names a function would call it.
+        holder = "".join(f".getSlot({string_literal(each)})" for each in holders)
+        text = f"System.documentation(lobby{holder}, {string_literal(last)})"
+        return str(await (await self._link(name)).run(text, timeout=CONNECT_TIMEOUT_S))
 
     async def stop(self, name: str) -> None:
         """Stop the movements of all clients.  Raises ClientError."""
