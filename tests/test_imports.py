@@ -245,8 +245,12 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     ),
     # What happens in a worker, recorded, shown and replayed: a client of the worker, never of the kernel or a platform.
     "urbihw.recording": ("urbihw.buses", "urbihw.control_line", "urbihw.backoff", "urbihw.extras", "urbihw.settings"),
+    # What other people's programs see of a robot: clients of the daemon, each with a package of its own from outside.
+    "urbihw.neighbours": ("urbihw.client", "urbihw.extras"),
+    "urbihw.neighbours.assistant": ("urbihw.client", "urbihw.extras"),
     "urbihw.cli": (
         "urbihw.release",
+        "urbihw.neighbours.assistant",
         # To look at a simulated world.
         "urbihw.platforms.scene",
         # The rule for the names of motions, checked before a server is asked.
@@ -314,6 +318,7 @@ LIBRARIES: dict[str, str] = {
     "greenlet": "urbihw.kernel.sched",
     "lark": "urbihw.kernel.syntax",
     "serial": "urbihw.buses",
+    "mcp": "urbihw.neighbours.assistant",
 }
 
 BYTES_ONLY = ("packet.py", "protocol.py", "framing.py", "remote.py", "crc.py")
@@ -448,6 +453,7 @@ BROKEN = [
     ("urbihw/navigation/a.py", "from urbihw.platforms.nxt import b", "urbihw.platforms.nxt"),
     ("urbihw/daemon/a.py", "from urbihw.platforms.bioloid import devices", "urbihw.platforms.bioloid"),
     ("urbihw/daemon/a.py", "from urbihw.kernel.runtime import world", "urbihw.kernel.runtime"),
+    ("urbihw/neighbours/assistant/a.py", "from urbihw.buses import link", "urbihw.buses"),
     ("fakes/urbihw_fakes/a.py", "from urbihw.buses import link", "urbihw.buses"),
     ("urbihw/daemon/a.py", "from urbihw_nao import driver", "urbihw_nao"),
     ("packages/nao/urbihw_nao/qimessaging/a.py", "from urbihw_nao import driver", "urbihw_nao"),

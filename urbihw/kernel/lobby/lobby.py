@@ -44,7 +44,8 @@ class Lobby(Obj):
     is_per_connection = True
     __slots__ = (
         "_advised", "answering", "connected", "holdings", "in_command", "input_handler", "label", "lease", "maker",
-        "on_quit", "ordered", "output", "peer", "programs", "received", "released_at", "shell", "tag", "unread", "user",
+        "noted_until", "on_quit", "ordered", "output", "peer", "programs", "received", "released_at", "shell", "tag",
+        "unread", "user",
     )  # fmt: skip
 
     def __init__(
@@ -86,6 +87,8 @@ class Lobby(Obj):
         """The name of the user who presented a token, "" without access control."""
         self.label = ""
         """The name that the client has given to the connection, "" for none."""
+        self.noted_until = 0.0
+        """Until when the lines that the client has written into the log use up what it may write."""
         self._advised: set[str] = set()
         """The subjects of the advice that this connection was given once."""
         name = programs.lobby_name()

@@ -6,6 +6,7 @@ protocol class ``SpeakerLobby`` declares the members used here.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from typing import Any, Final, Protocol
 
@@ -20,6 +21,8 @@ from urbihw.kernel.stdlib.members import members_of
 from urbihw.kernel.stdlib.support import field, send_line
 from urbihw.kernel.value import Value
 
+log = logging.getLogger("urbihw.server")
+
 TABLE = Table("Lobby")
 GLOBAL = Table("Global")
 TABLES = [TABLE, GLOBAL]
@@ -31,6 +34,12 @@ MAX_CREATED_LOBBIES: Final = 64
 
 MAX_LABEL_LENGTH: Final = 80
 """Maximum length of the name that a client gives to its connection."""
+MAX_NOTE_LENGTH: Final = 200
+"""Maximum length of a line that a client writes into the log."""
+NOTE_PAUSE_S: Final = 0.2
+"""Seconds between such lines, in the long run."""
+NOTE_BURST_S: Final = 2.0
+"""Seconds by which lines may be ahead of that."""
 
 NOTES = {
     "Lobby.connectionTag": "The tag of all jobs of the connection; after it is stopped, the connection remains usable.",
@@ -90,6 +99,12 @@ class SpeakerLobby(Protocol):
     holdings: Holdings
     label: str
     lease: LobbyLease
+    noted_until: float
+
+    @property
+    def title(self) -> str:
+        """The name of the connection, with its user and its address."""
+        ...
 
     def take_input(self, data: bytes, ordered: int) -> None:
         """Add bytes to the input, as if the client had sent them."""
@@ -144,6 +159,23 @@ def introduce(world: World, this: Value, name: str) -> None:
     if not 0 < len(name) <= MAX_LABEL_LENGTH or not name.isprintable():
         raise errors.primitive(f"a name of a connection has 1 to {MAX_LABEL_LENGTH} characters that can be printed")
     own_lobby(world, this).label = name
+
+
+@TABLE.primitive("note")
+def note(world: World, this: Value, text: str) -> None:
+    """Write a line into the log of the server, behind the name of one's own connection: what it does for somebody else,
+    say.  Not in the manual.
+
+    At most 200 characters that can be printed, and 5 lines a second, of which 10 may come at once.
+    """
+    if not 0 < len(text) <= MAX_NOTE_LENGTH or not text.isprintable():
+        raise errors.primitive(f"a line of the log has 1 to {MAX_NOTE_LENGTH} characters that can be printed")
+    lobby, now = own_lobby(world, this), world.scheduler.clock.now()
+    until = max(now, lobby.noted_until) + NOTE_PAUSE_S
+    if until > now + NOTE_BURST_S + NOTE_PAUSE_S / 2:
+        raise errors.primitive(f"one line every {NOTE_PAUSE_S:g} s goes into the log: this one does not")
+    lobby.noted_until = until
+    log.info("%s: %s", lobby.title, text)
 
 
 # ---------------------------------------------------------------- saying

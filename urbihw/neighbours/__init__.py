@@ -1,0 +1,10 @@
+"""Good neighbours: what other people's programs, with protocols of their own, see of a robot.
+
+Each is a client of the daemon, by the client library: so limits, leases, emergency stop and the reasons that ``why``
+tells hold for it as for any client.  None opens a wire, none has a way of its own into the kernel, and each needs an
+extra, so that the base install stays small.
+
+- ``assistant``: assistants (MCP), ``urbihw mcp``.
+
+May import the client library, and how an extra is installed; never the kernel, a bus, a platform or the daemon.
+"""
