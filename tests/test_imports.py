@@ -237,6 +237,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.control_line",
         "urbihw.client",
         "urbihw.buses.verdict",
+        # The rules for the names of a fleet.
+        "urbihw.fleets.names",
     ),
     # What happens in a worker, recorded, shown and replayed: a client of the worker, never of the kernel or a platform.
     "urbihw.recording": ("urbihw.buses", "urbihw.control_line", "urbihw.backoff", "urbihw.extras", "urbihw.settings"),
@@ -271,6 +273,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.buses.verdict",
         "urbihw.web",
         "urbihw.recording",
+        "urbihw.fleets",
+        "urbihw.fleets.names",
     ),
     # A client of the server and of the bus worker: never of the kernel or a platform.  It uses the daemon's state
     # folder.
@@ -278,6 +282,12 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.client", "urbihw.client.lines", "urbihw.client.values", "urbihw.buses.verdict", "urbihw.daemon",
         "urbihw.backoff", "urbihw.repeats", "urbihw.release",
     ),  # fmt: skip
+    # A client of the server and of the bus worker, too.  What others may read, write and call is what browsers may.
+    "urbihw.fleets": (
+        "urbihw.client", "urbihw.buses.verdict", "urbihw.daemon", "urbihw.web", "urbihw.backoff", "urbihw.release",
+        "urbihw.fleets.names",
+    ),  # fmt: skip
+    "urbihw.fleets.names": ("urbihw.client",),
     # The verdict on the health of a robot, for commands and browsers.
     "urbihw.buses.verdict": ("urbihw.buses.pace",),
     # A process with devices of its own has a kernel, and a link to the kernel of a server.
@@ -289,8 +299,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.client": ("urbihw.client.lines", "urbihw.client.values", "urbihw.started"),
     "urbihw.client.lines": (),
     "urbihw.client.values": ("urbihw.client.lines",),
-    # A program that uses a robot says urbihw.connect.
-    "urbihw": ("urbihw.client",),
+    # A program that uses a robot says urbihw.connect, one that uses several urbihw.fleet.
+    "urbihw": ("urbihw.client", "urbihw.fleets"),
     # Simulated robots: nothing of urbihw, so that driver and fake cannot share a mistake.
     "urbihw_fakes": (),
 }
@@ -303,6 +313,7 @@ LIBRARIES: dict[str, str] = {
     "greenlet": "urbihw.kernel.sched",
     "lark": "urbihw.kernel.syntax",
     "serial": "urbihw.buses",
+    "zenoh": "urbihw.fleets",
 }
 
 BYTES_ONLY = ("packet.py", "protocol.py", "framing.py", "remote.py", "crc.py")
