@@ -242,6 +242,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.control_line",
         "urbihw.client",
         "urbihw.buses.verdict",
+        # The rules for the names of a fleet.
+        "urbihw.fleets.names",
     ),
     # What happens in a worker, recorded, shown and replayed: a client of the worker, never of the kernel or a platform.
     "urbihw.recording": ("urbihw.buses", "urbihw.control_line", "urbihw.backoff", "urbihw.extras", "urbihw.settings"),
@@ -282,6 +284,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.web",
         "urbihw.recording",
         "urbihw.figure",
+        "urbihw.fleets",
+        "urbihw.fleets.names",
     ),
     # A client of the server and of the bus worker: never of the kernel or a platform.  It uses the daemon's state
     # folder.
@@ -289,6 +293,12 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.client", "urbihw.client.lines", "urbihw.client.values", "urbihw.buses.verdict", "urbihw.daemon",
         "urbihw.backoff", "urbihw.repeats", "urbihw.release",
     ),  # fmt: skip
+    # A client of the server and of the bus worker, too.  What others may read, write and call is what browsers may.
+    "urbihw.fleets": (
+        "urbihw.client", "urbihw.buses.verdict", "urbihw.daemon", "urbihw.web", "urbihw.backoff", "urbihw.release",
+        "urbihw.fleets.names",
+    ),  # fmt: skip
+    "urbihw.fleets.names": ("urbihw.client",),
     # The verdict on the health of a robot, for commands and browsers.
     "urbihw.buses.verdict": ("urbihw.buses.pace",),
     # A process with devices of its own has a kernel, and a link to the kernel of a server.
@@ -304,8 +314,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.client": ("urbihw.client.lines", "urbihw.client.values", "urbihw.started"),
     "urbihw.client.lines": (),
     "urbihw.client.values": ("urbihw.client.lines",),
-    # A program that uses a robot says urbihw.connect.
-    "urbihw": ("urbihw.client",),
+    # A program that uses a robot says urbihw.connect, one that uses several urbihw.fleet.
+    "urbihw": ("urbihw.client", "urbihw.fleets"),
     # Simulated robots: nothing of urbihw, so that driver and fake cannot share a mistake.
     "urbihw_fakes": (),
 }
@@ -319,6 +329,7 @@ LIBRARIES: dict[str, str] = {
     "lark": "urbihw.kernel.syntax",
     "serial": "urbihw.buses",
     "mcp": "urbihw.neighbours.assistant",
+    "zenoh": "urbihw.fleets",
 }
 
 BYTES_ONLY = ("packet.py", "protocol.py", "framing.py", "remote.py", "crc.py")

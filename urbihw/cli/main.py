@@ -37,6 +37,7 @@ COMMANDS: Final = {
     "drive": "drive a robot by the keyboard or a gamepad",
     "panel": "serve the panel for browsers; pair, list and remove browsers",
     "mcp": "serve a robot to an assistant (MCP)",
+    "fleet": "robots that are joined in a fleet: list, watch, call, stop all",
     "view": "show the simulated world of a robot in a window",
     "film": "make a film of a script in a simulated world",
     "stubs": "write a typed Python module of a robot, for editors",

@@ -31,6 +31,7 @@ from urbihw.client.where import is_loopback
 from urbihw.daemon import timeouts
 from urbihw.daemon.files import read_regular, unreadable
 from urbihw.daemon.metrics import parse_address
+from urbihw.fleets.names import DEFAULT_ENDPOINT, NAME_PATTERN, checked_endpoint, checked_fleet_name
 from urbihw.kernel.server.bounds import HOLD_LIMIT, MAX_JOBS, MAX_TOTAL_JOBS, MEMORY_LIMIT
 from urbihw.kernel.uobject import BadConfig
 from urbihw.settings import (
@@ -58,6 +59,8 @@ _OCTET = "(25[0-5]|2[0-4][0-9]|1[0-9][0-9]|[1-9]?[0-9])"
 _PORT = "(6553[0-5]|655[0-2][0-9]|65[0-4][0-9]{2}|6[0-4][0-9]{3}|[1-5][0-9]{4}|[1-9][0-9]{0,3})"
 METRICS = replace(TEXT, pattern=rf"^$|^(127(\.{_OCTET}){{3}}|\[::1\]):{_PORT}$")
 """The rule of ``metrics``, whose reasons ``parse_address`` tells: an address of this machine alone, and a port."""
+FLEET_NAME = replace(TEXT, pattern=rf"^$|^{NAME_PATTERN}$")
+FLEET_NAMES = replace(TEXTS, each=replace(TEXT, pattern=rf"^{NAME_PATTERN}$"))
 _TABLES = ("options", "limits", "devices")
 _NESTING = re.compile(
     r"""(?:\"{3}[\s\S]*?\"{3}|'{3}[\s\S]*?'{3}|"(?:\\.|[^"\\\n])*+"|'[^'\n]*+'|\#[^\n]*+)"""  # strings and comments
@@ -113,6 +116,12 @@ class Config(SettingsTable):
         panel_host: the address on which browsers are served; others than this machine get TLS.
         panel_port: the port on which browsers are served.
         panel_speed: speed of joints that a browser of role drive may ask for at most, rad/s.
+        fleet: the fleet that the robot belongs to, by a bridge in a process of its own; empty for none.
+        name: the name of the robot in its fleet; empty for that of the host.
+        fleet_endpoint: where the fleet meets, such as ``tls/teacher.local:7447``; without TLS on this machine only.
+        fleet_hz: how often the values are published, in Hz.
+        fleet_drive: names of the members of the fleet that may drive this robot; all others only look, and stop.
+        fleet_dead_man: seconds without a sign of life after which a far member that drives loses what it moves.
         announce: announce the port in the network, if other machines reach it (``urbihw find``).
         log_level: the minimum level of logged messages.
         options: further settings that the platform defines, by name.
@@ -147,6 +156,12 @@ class Config(SettingsTable):
     panel_host: str = setting("127.0.0.1", TEXT)
     panel_port: int = setting(54080, whole(1, 65535))
     panel_speed: float = setting(1.0, number(0.01, 100, " rad/s"))
+    fleet: str = setting("", FLEET_NAME)
+    name: str = setting("", FLEET_NAME)
+    fleet_endpoint: str = setting(DEFAULT_ENDPOINT, TEXT)
+    fleet_hz: float = setting(10.0, number(0.1, 100, " Hz"))
+    fleet_drive: tuple[str, ...] = setting((), FLEET_NAMES)
+    fleet_dead_man: float = setting(0.5, number(0.2, 10, " s"))
     announce: bool = setting(False, SWITCH)
     log_level: str = setting("info", choice("debug", "info", "warning", "error"))
     options: dict[str, Any] = setting({}, TABLE)
@@ -176,10 +191,28 @@ class Config(SettingsTable):
                           "socket out")
         if not self.panel_host.isprintable() or not self.panel_host or " " in self.panel_host:
             yield Mistake("panel_host", f"wants an address, such as 127.0.0.1 or 0.0.0.0, not {self.panel_host!r}")
+        yield from self._clashes_of_fleet()
         if self.flight and self.control == "off":
             yield Mistake("flight", "it reads the bus worker, which has no control socket; leave control out")
         if self.metrics and self.control == "off":
             yield Mistake("metrics", "they are those of the bus worker, which has no control socket; leave control out")
+
+    def _clashes_of_fleet(self) -> Iterator[Mistake]:
+        for key, check, values in (
+            ("fleet", checked_fleet_name, (self.fleet,) if self.fleet else ()),
+            ("name", checked_fleet_name, (self.name,) if self.name else ()),
+            ("fleet_drive", checked_fleet_name, self.fleet_drive),
+            ("fleet_endpoint", checked_endpoint, (self.fleet_endpoint,)),
+        ):
+            for each in values:
+                try:
+                    check(each)
+                except ValueError as error:
+                    yield Mistake(key, str(error))
+                    break
+        if self.fleet and self.control == "off":
+            yield Mistake("fleet", "a stop for all goes to the bus worker, which has no control socket; leave control "
+                          "out")
 
 
 class Complaint(NamedTuple):

@@ -1,5 +1,5 @@
-"""What a daemon offers to those who watch it: metrics, the panel for browsers, the flight recorder, the announcement in
-the network.
+"""What a daemon offers to those who watch it: metrics, the panel for browsers, the flight recorder, the bridge to a
+fleet, the announcement in the network.
 
 ``bind`` comes before the robot is opened, so that a mistake ends the start; ``start`` when clients can connect.
 """
@@ -12,6 +12,7 @@ from typing import Final
 
 from urbihw.daemon.announce import Announcement, reachable
 from urbihw.daemon.config import Config
+from urbihw.daemon.fleet import check_fleet, fleet_command
 from urbihw.daemon.flight import FAREWELL, check_flight, flight_command
 from urbihw.daemon.kept_child import KeptChild
 from urbihw.daemon.metrics import MetricsServer, parse_address
@@ -45,6 +46,8 @@ class Observers:
             check_panel(config)
         if config.flight:
             check_flight()
+        if config.fleet:
+            check_fleet()
         if not config.announce:
             return
         try:
@@ -66,6 +69,9 @@ class Observers:
             command = flight_command(self._config, control)
             lost = "the last minutes are lost"
             self._children.append(KeptChild(command, "flight recorder", lost, FAREWELL))
+        if self._config.fleet:
+            command = fleet_command(self._config, server, control)
+            self._children.append(KeptChild(command, "bridge to the fleet", "what others move through it ends"))
         for child in self._children:
             child.start()
         if self._metrics is not None:

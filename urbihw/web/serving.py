@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import logging
-import os
-import signal
 import socket
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
 from urbihw.client.where import is_loopback
+from urbihw.daemon.kept_work import run_until_told
 from urbihw.daemon.state import write_secret
 from urbihw.web.connections import accepting
 from urbihw.web.gateway import Gateway
@@ -21,7 +18,6 @@ from urbihw.web.settings import WebSettings
 
 log = logging.getLogger("urbihw.web")
 
-SIGN_OF_LIFE_S: Final = 1.0
 _SOMEWHERE: Final = ("192.0.2.1", 9)
 """An address of TEST-NET-1 (RFC 5737): a datagram socket that is connected to it tells the own address; nothing is
 sent."""
@@ -64,29 +60,9 @@ async def serve(
                 if settings.port_file is not None:
                     write_secret(settings.port_file, f"{port}\n")
                 ready(address, gateway)
-                await _run(gateway, ends_with_input)
+                await run_until_told(gateway.run(), ends_with_input=ends_with_input)
         finally:
             await gateway.close()
-
-
-async def _run(gateway: Gateway, ends_with_input: bool) -> None:
-    """Watch the robot until the process is told to stop."""
-    loop = asyncio.get_running_loop()
-    stopped = asyncio.Event()
-    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
-        loop.add_signal_handler(number, stopped.set)
-    if ends_with_input:
-        loop.add_reader(sys.stdin.fileno(), _read_input, stopped)
-        loop.call_soon(_send_sign_of_life, stopped)
-    watching, stopping = asyncio.create_task(gateway.run()), asyncio.create_task(stopped.wait())
-    try:
-        done, _ = await asyncio.wait((watching, stopping), return_when=asyncio.FIRST_COMPLETED)
-        if watching in done:
-            watching.result()
-    finally:
-        for task in (watching, stopping):
-            task.cancel()
-        await asyncio.gather(watching, stopping, return_exceptions=True)
 
 
 @contextlib.contextmanager
@@ -97,20 +73,6 @@ def _published(file: Path, address: str) -> Iterator[None]:
         yield
     finally:
         file.unlink(missing_ok=True)
-
-
-def _send_sign_of_life(stopped: asyncio.Event) -> None:
-    """Tell the daemon that this process does not hang: see ``urbihw.daemon.panel``."""
-    if not stopped.is_set():
-        with contextlib.suppress(OSError):
-            os.write(sys.stdin.fileno(), b".")
-        asyncio.get_running_loop().call_later(SIGN_OF_LIFE_S, _send_sign_of_life, stopped)
-
-
-def _read_input(stopped: asyncio.Event) -> None:
-    if not os.read(sys.stdin.fileno(), 4096):
-        asyncio.get_running_loop().remove_reader(sys.stdin.fileno())
-        stopped.set()
 
 
 def _own_address() -> str:

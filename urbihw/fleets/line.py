@@ -1,0 +1,255 @@
+"""The fleet as one who asks: who is there, what they tell, orders with answers.  Blocking, for any thread.
+
+Each question has a time-out, and each error names the robot.
+"""
+
+from __future__ import annotations
+
+import getpass
+import json
+import secrets
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from queue import Empty, SimpleQueue
+from types import TracebackType
+from typing import Any, Final, NamedTuple
+
+import zenoh
+
+from urbihw.fleets.meeting import open_session, tokens
+from urbihw.fleets.names import (
+    ALL,
+    DEFAULT_ENDPOINT,
+    FleetKeys,
+    checked_endpoint,
+    checked_fleet_name,
+    fleet_name_of,
+    owner_in,
+)
+
+ANSWER_TIMEOUT_S: Final = 3.0
+STOP_TIMEOUT_S: Final = 1.5
+"""Seconds within which a bus worker has confirmed a stop, else it is named as one that has not."""
+LOOK_TIMEOUT_S: Final = 0.5
+BEATS: Final = 5
+"""Signs of life within a dead man's time."""
+
+
+class FleetError(Exception):
+    """A robot refused, or did not answer; the message is one line that names it."""
+
+
+class FleetTimedOut(FleetError, TimeoutError):
+    """A robot is not in the fleet, or did not answer in time."""
+
+
+class StopTold(NamedTuple):
+    """What became of a stop: ``confirmed`` is the seconds until a robot's worker had done it, by the robot's name;
+    ``failed`` tells for the others why it is not confirmed."""
+
+    confirmed: dict[str, float]
+    failed: dict[str, str]
+
+
+class FleetLine:
+    """A session in a fleet, under a name: ``with FleetLine("school", "teacher") as line``.
+
+    ``fleet`` "" is the only one that meets there.  Raises NoMeeting, BadEndpoint, BadFleetName; FleetError when there
+    are several fleets.
+    """
+
+    def __init__(self, fleet: str = "", name: str = "", endpoint: str = DEFAULT_ENDPOINT) -> None:
+        name = checked_fleet_name(name) if name else fleet_name_of(getpass.getuser())
+        self._session = open_session(checked_endpoint(endpoint))
+        try:
+            self.keys = FleetKeys(checked_fleet_name(fleet or self._only_fleet(endpoint)), name)
+            self._instance = secrets.token_hex(8)
+            self._token = self._session.liveliness().declare_token(self.keys.client(self._instance))
+        except BaseException:
+            self._session.close()
+            raise
+        self._driven: dict[str, _Driven] = {}
+        self._lock = threading.Lock()
+        self._ending = threading.Event()
+
+    def _only_fleet(self, endpoint: str) -> str:
+        found = sorted({owner_in(key)[0] for key in tokens(self._session, f"{ALL}/{ALL}/robot/*", LOOK_TIMEOUT_S)})
+        if len(found) != 1:
+            known = f"several fleets meet there: {', '.join(found)}" if found else "no robot is there"
+            raise FleetError(f"{endpoint}: {known}; name the fleet")
+        return found[0]
+
+    def close(self) -> None:
+        """Leave: what this one moves stops.  Calling it twice is fine."""
+        self._ending.set()
+        if not self._session.is_closed():
+            self._session.close()
+
+    def __enter__(self) -> FleetLine:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # ---------------------------------------------------------------- who is there, what they tell
+
+    def robots(self) -> list[str]:
+        """The names of the robots that are there."""
+        keys = FleetKeys(self.keys.fleet, ALL)
+        return [owner_in(key)[1] for key in tokens(self._session, keys.robots, LOOK_TIMEOUT_S)]
+
+    def info(self, robot: str) -> dict[str, Any]:
+        """Platform, version, slots with units.  Raises FleetError."""
+        return self._asked(robot, FleetKeys(self.keys.fleet, robot).info, {})
+
+    def state(self, robot: str) -> dict[str, Any]:
+        """Link, emergency stop, battery, verdict, who drives.  Raises FleetError."""
+        return self._asked(robot, FleetKeys(self.keys.fleet, robot).state, {})
+
+    def value(self, robot: str, path: str) -> dict[str, Any]:
+        """The last published ``value`` of a slot, its time ``t``, its ``age`` in s, ``who`` moved the device.  Raises
+        FleetError."""
+        return self._asked(robot, FleetKeys(self.keys.fleet, robot).slot(path), {})
+
+    def watch(self, robot: str, timeout: float) -> Iterator[tuple[str, Mapping[str, Any]]]:
+        """What robots publish, as it comes: the name, and ``{"n", "t", "v"}``; ``ALL`` for all.  Ends after so many
+        seconds without any."""
+        heard: SimpleQueue[zenoh.Sample] = SimpleQueue()
+        subscriber = self._session.declare_subscriber(FleetKeys(self.keys.fleet, robot).values, heard.put)
+        try:
+            while True:
+                sample = heard.get(timeout=timeout)
+                yield owner_in(str(sample.key_expr))[1], json.loads(bytes(sample.payload))
+        except Empty:
+            return
+        finally:
+            if not self._session.is_closed():
+                subscriber.undeclare()
+
+    def hear(self, on_robot: Callable[[str, bool], None]) -> object:
+        """Call a function, in a thread of zenoh, with each robot that comes (True) and goes; keep what is returned."""
+        def heard(sample: zenoh.Sample) -> None:
+            on_robot(owner_in(str(sample.key_expr))[1], sample.kind == zenoh.SampleKind.PUT)
+
+        keys = FleetKeys(self.keys.fleet, ALL)
+        return self._session.liveliness().declare_subscriber(keys.robots, heard, history=True)
+
+    # ---------------------------------------------------------------- stops
+
+    def stop(self, verb: str = "estop", robot: str = ALL) -> StopTold:
+        """Stop, emergency stop or release, of one robot or of all at once.
+
+        Each robot's bus worker does it and answers; who is there and has not answered is named.  It overtakes all else
+        in the network.
+        """
+        begin = time.monotonic()
+        confirmed: dict[str, float] = {}
+        failed: dict[str, str] = {}
+        replies = self._session.get(
+            self.keys.order(robot, verb), payload=b"{}", target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE, timeout=STOP_TIMEOUT_S, priority=zenoh.Priority.REAL_TIME,
+            congestion_control=zenoh.CongestionControl.BLOCK, express=True,
+        )  # fmt: skip
+        for reply in replies:
+            if reply.ok is not None:
+                name, told = owner_in(str(reply.ok.key_expr))[1], json.loads(bytes(reply.ok.payload))
+                if told.get("ok"):
+                    confirmed[name] = time.monotonic() - begin
+                else:
+                    failed[name] = str(told.get("error"))
+        silent = {*(self.robots() if robot == ALL else [robot])} - {*confirmed, *failed}
+        failed |= dict.fromkeys(silent, f"has not confirmed it within {STOP_TIMEOUT_S:g} s")
+        return StopTold(confirmed, failed)
+
+    # ---------------------------------------------------------------- orders
+
+    def read(self, robot: str, path: str, timeout: float = ANSWER_TIMEOUT_S) -> Any:
+        """The value of any slot that may be read, now.  Raises FleetError."""
+        return self._order(robot, "read", {"slot": path}, timeout)["value"]
+
+    def write(self, robot: str, slots: Mapping[str, float], timeout: float = ANSWER_TIMEOUT_S) -> dict[str, Any]:
+        """Write effectors of a robot that lets this one drive: ``applied`` after its limits.  Raises FleetError."""
+        told: dict[str, Any] = self._move(robot, "write", {"slots": dict(slots)}, timeout)["applied"]
+        return told
+
+    def call(self, robot: str, path: str, *args: Any, timeout: float = ANSWER_TIMEOUT_S) -> Any:
+        """Call a function of the robot that others may call, and wait for its end.  Raises FleetError."""
+        request = {"function": path, "args": list(args)}
+        if self.hello(robot):
+            return self._move(robot, "call", request, timeout)["value"]
+        return self._order(robot, "call", request, timeout)["value"]
+
+    def hello(self, robot: str) -> bool:
+        """Whether the robot lets this one drive.  Raises FleetError."""
+        told = self._order(robot, "hello", {}, ANSWER_TIMEOUT_S)
+        with self._lock:
+            driven = self._driven.get(robot)
+            if driven is None:
+                driven = self._driven[robot] = _Driven()
+            # The answer was under way: an order seems older to the robot than it is, never younger.
+            driven.ahead = float(told["now"]) - time.monotonic()
+        return told["drive"] is True
+
+    def _move(self, robot: str, verb: str, request: dict[str, Any], timeout: float) -> dict[str, Any]:
+        """Give an order that moves, and signs of life from then on."""
+        if robot not in self._driven:
+            self.hello(robot)
+        driven = self._driven[robot]
+        self._feed(robot, driven)
+        made = time.monotonic() + driven.ahead
+        return self._order(robot, verb, {**request, "made": made, "session": self._instance}, timeout)
+
+    def _feed(self, robot: str, driven: _Driven) -> None:
+        with self._lock:
+            if driven.thread is None:
+                period = float(self.info(robot)["dead_man"]) / BEATS
+                work = threading.Thread(target=self._beat, args=(robot, driven, period), name="fleet", daemon=True)
+                driven.thread = work
+                work.start()
+
+    def _beat(self, robot: str, driven: _Driven, period: float) -> None:
+        key = self.keys.order(robot, "beat")
+        while not self._ending.wait(period):
+            told = {"session": self._instance, "made": time.monotonic() + driven.ahead}
+            try:
+                self._session.put(
+                    key, json.dumps(told), priority=zenoh.Priority.INTERACTIVE_HIGH, express=True,
+                    congestion_control=zenoh.CongestionControl.DROP,
+                )  # fmt: skip
+            except zenoh.ZError:
+                return  # the session is closed
+
+    def _order(self, robot: str, verb: str, request: dict[str, Any], timeout: float) -> dict[str, Any]:
+        told = {**request, "timeout": timeout}
+        return self._asked(robot, self.keys.order(checked_fleet_name(robot), verb), told, timeout)
+
+    def _asked(
+        self, robot: str, key: str, request: dict[str, Any], timeout: float = ANSWER_TIMEOUT_S
+    ) -> dict[str, Any]:
+        """The answer of one robot.  Raises FleetError."""
+        checked_fleet_name(robot)
+        payload = json.dumps(request).encode()
+        replies = self._session.get(
+            key, payload=payload, target=zenoh.QueryTarget.ALL, timeout=timeout, express=True,
+            congestion_control=zenoh.CongestionControl.BLOCK,
+        )  # fmt: skip
+        for reply in replies:
+            if reply.ok is not None:
+                told: dict[str, Any] = json.loads(bytes(reply.ok.payload))
+                if not told.pop("ok", False):
+                    raise FleetError(f"{robot}: {told.get('error')}")
+                return told
+        if robot not in self.robots():
+            raise FleetTimedOut(f"{robot} is not in the fleet {self.keys.fleet}")
+        raise FleetTimedOut(f"{robot} has not answered within {timeout:g} s")
+
+
+class _Driven:
+    """A robot that this one drives: how far its clock is ahead, s, and the thread of the signs of life."""
+
+    def __init__(self) -> None:
+        self.ahead = 0.0
+        self.thread: threading.Thread | None = None

@@ -1,0 +1,182 @@
+"""What a far client may ask of a robot, and what is answered: JSON in, JSON out.
+
+Stops go to the bus worker, not through the interpreter; everybody in the fleet may stop.  What moves wants a right, by
+the settings of the robot that is to move, and a lease.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+import time
+from collections.abc import Awaitable, Callable, Mapping
+from typing import Any, Final
+
+from urbihw.client.errors import ClientError
+from urbihw.daemon.control_client import NoWorker
+from urbihw.fleets.drivers import FarDrivers, FleetRefusal
+from urbihw.fleets.names import FleetOrder
+from urbihw.fleets.served import ServedRobot
+from urbihw.web.tree import FREE_CALLS, TELLING_CALLS
+
+log = logging.getLogger("urbihw.fleets")
+
+MAX_BYTES: Final = 64 * 1024
+MAX_WAIT_S: Final = 60.0
+"""Seconds that a far client may wait for the end of a call."""
+MAX_SLOTS: Final = 100
+MAX_ARGUMENTS: Final = 8
+MAX_SESSION_LENGTH: Final = 40
+Request = Mapping[str, Any]
+
+
+class OrderDesk:
+    """Answers the orders to one robot."""
+
+    def __init__(self, robot: ServedRobot, drivers: FarDrivers) -> None:
+        self._robot = robot
+        self._drivers = drivers
+        self._verbs: Mapping[str, Callable[[str, Request], Awaitable[dict[str, Any]]]] = {
+            "estop": lambda who, request: self._obey("estop", who),
+            "stop": lambda who, request: self._obey("stop", who),
+            "release": lambda who, request: self._obey("release", who),
+            "hello": self._hello,
+            "read": self._read,
+            "write": self._write,
+            "call": self._call,
+        }
+
+    async def answer(self, order: FleetOrder, payload: bytes) -> bytes:
+        """The answer to an order, also to one that is refused."""
+        try:
+            told = await self._do(order, payload)
+        except (FleetRefusal, NoWorker, ClientError) as error:
+            told = {"ok": False, "error": str(error)}
+        except Exception as error:
+            log.exception("our bug in the bridge, at %s of %s", order.verb[:40], order.who)
+            told = {"ok": False, "error": f"the bridge failed at this, which is our bug: {type(error).__name__}"}
+        return json.dumps(told).encode()
+
+    async def _do(self, order: FleetOrder, payload: bytes) -> dict[str, Any]:
+        if not order.who:
+            return self._told(order.verb)
+        verb = self._verbs.get(order.verb)
+        if verb is None:
+            raise FleetRefusal(f"there is no {order.verb[:40]!r}; there are: {', '.join(self._verbs)}")
+        return {"ok": True, **await verb(order.who, request_in(payload))}
+
+    # ---------------------------------------------------------------- what everybody may
+
+    def _told(self, path: str) -> dict[str, Any]:
+        """What a key of the robot itself answers: what it is, its state, a value."""
+        robot = self._robot
+        if path == "info":
+            return {"ok": True, **robot.info()}
+        if path == "state":
+            return {"ok": True, **robot.state, "drivers": self._drivers.names}
+        if path not in robot.values:
+            raise FleetRefusal(f"there is no value {path[:60]!r}")
+        device = path.rpartition(".")[0]
+        return {
+            "ok": True, "value": robot.values[path], "t": robot.sampled_at,
+            "age": round(time.time() - robot.sampled_at, 3), "who": robot.writers.get(device, ""),
+        }  # fmt: skip
+
+    async def _obey(self, verb: str, who: str) -> dict[str, Any]:
+        """Stop, emergency stop and release, by the bus worker."""
+        told = await self._robot.worker.ask(verb, f"{who} (fleet)")
+        holder = str(told.get("estop") or "")
+        if told.get("released") is False:
+            raise FleetRefusal(f"an emergency stop of {holder} holds: it is not that of {who}")
+        return {"estop": holder, "link": told.get("link") is True, "unkept": str(told.get("unkept") or "")}
+
+    async def _hello(self, who: str, request: Request) -> dict[str, Any]:
+        """The clock of this robot, by which orders say when they were made, and what the far client may do."""
+        return {"now": time.monotonic(), "drive": self._drivers.may_drive(who)}
+
+    async def _read(self, who: str, request: Request) -> dict[str, Any]:
+        """The value of any slot of the tree that may be read, now."""
+        path = _text_in(request, "slot")
+        if not self._robot.tree.slots.get(path, {}).get("readable"):
+            raise FleetRefusal(f"there is no slot {path[:60]!r} that can be read")
+        async with await self._robot.connect() as robot:
+            return {"value": await robot[path]}
+
+    # ---------------------------------------------------------------- what moves
+
+    async def _write(self, who: str, request: Request) -> dict[str, Any]:
+        """Write effectors; the limits of the robot hold, and its answer tells what came of them."""
+        slots = request.get("slots")
+        if not isinstance(slots, dict) or not 0 < len(slots) <= MAX_SLOTS:
+            raise FleetRefusal(f"slots: a dictionary of 1 to {MAX_SLOTS} values")
+        self._drivers.check_right(who)
+        for path, value in slots.items():
+            if not self._robot.tree.may_write(path):
+                raise FleetRefusal(f"{path[:60]} is no effector of the robot")
+            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+                raise FleetRefusal(f"{path}: a number is written from elsewhere")
+        self._drivers.check_age(request.get("made"))
+        driver = await self._drivers.driver(who, _session_in(request))
+        written = await driver.robot.write(slots, timeout=_wait_in(request))
+        return {"applied": {path: _known(each.applied) for path, each in written.items()}}
+
+    async def _call(self, who: str, request: Request) -> dict[str, Any]:
+        """Call a function of the tree that others may call; what only tells or ends something wants no right."""
+        path, args = _text_in(request, "function"), request.get("args", [])
+        if not isinstance(args, list) or len(args) > MAX_ARGUMENTS:
+            raise FleetRefusal(f"args: a list of at most {MAX_ARGUMENTS}")
+        if not self._robot.tree.may_call(path):
+            raise FleetRefusal(f"{path[:60]} cannot be called from elsewhere")
+        name = path.rpartition(".")[2]
+        if name == "stop":
+            return {"value": None, **await self._obey("stop", who)}
+        if name in FREE_CALLS:
+            async with await self._robot.connect() as robot:
+                told = await robot[path](*args, timeout=_wait_in(request))
+                return {"value": told if name in TELLING_CALLS else None}
+        self._drivers.check_right(who)
+        self._drivers.check_age(request.get("made"))
+        driver = await self._drivers.driver(who, _session_in(request))
+        await driver.robot[path](*args, timeout=_wait_in(request))
+        return {"value": None}
+
+
+def request_in(payload: bytes) -> Request:
+    """What an order says.  Raises FleetRefusal."""
+    try:
+        if len(payload) > MAX_BYTES:
+            raise ValueError
+        told = json.loads(payload or b"{}")
+    except (ValueError, RecursionError):
+        raise FleetRefusal(f"an order is an object of JSON of at most {MAX_BYTES} bytes") from None
+    if not isinstance(told, dict):
+        raise FleetRefusal("an order is an object of JSON")
+    return told
+
+
+def _text_in(request: Request, key: str) -> str:
+    value = request.get(key)
+    if not isinstance(value, str) or not value:
+        raise FleetRefusal(f"{key}: a text")
+    return value
+
+
+def _session_in(request: Request) -> str:
+    """The session of the far client, whose end is the end of what it moves.  Raises FleetRefusal."""
+    session = _text_in(request, "session")
+    if len(session) > MAX_SESSION_LENGTH or not session.isalnum():
+        raise FleetRefusal("session: the last part of the token of the client")
+    return session
+
+
+def _wait_in(request: Request) -> float:
+    wait = request.get("timeout", 5.0)
+    if isinstance(wait, bool) or not isinstance(wait, int | float) or not 0 < wait <= MAX_WAIT_S:
+        raise FleetRefusal(f"timeout: more than 0 and at most {MAX_WAIT_S:g} s")
+    return float(wait)
+
+
+def _known(value: float | None) -> float | None:
+    """The value as JSON has it: None for nan, that of a device that is off."""
+    return None if value is None or not math.isfinite(value) else value
