@@ -28,14 +28,26 @@ BIN = .venv/bin
 # What is never imported need not be compiled: that is half of the work.
 PIP = $(BIN)/python -m pip --disable-pip-version-check install --quiet --no-compile
 
-# Pieces of `make test`, each to be run alone while working.  Tests in real time (e2e) come last, apart from the hard work;
-# as they mostly wait, there are two for each processor.  Those that fail are run once more, alone: see CONTRIBUTING.md.
-.PHONY: run test lint types check long bench small-board fuzz mutants hostile witnesses soak deb clean
+.PHONY: run test lint types check compile simulated real-time again \
+  long bench small-board fuzz mutants hostile witnesses soak deb clean
 
 run: .venv/installed $(if $(filter webots,$(PLATFORM)),.venv/installed-mujoco)
 	$(BIN)/urbihw serve --platform $(PLATFORM) $(if $(filter webots,$(PLATFORM)),,--fake) $(if $(PANEL),--web) $(ARGS)
 
-test: lint types check
+# `make test` keeps all processors busy.  Tests in real time (e2e) mostly wait, so there are two for each processor, and
+# all other tests take what these leave: niced, they hold none of them up.  What fails in real time is run once more, alone
+# (see CONTRIBUTING.md); which tests those are is in a folder of its own, as both kinds run at the same time.
+TOGETHER = $(MAKE) --no-print-directory --jobs --output-sync=target
+PYTEST = $(BIN)/python -m pytest
+REAL_TIME = -m 'e2e and not long' -o cache_dir=.pytest_cache/real-time
+FAILED = .pytest_cache/real-time/v/cache/lastfailed
+
+test: lint
+	@echo 'Types and tests run at the same time; what they say is shown when each of them has ended.'
+	$(TOGETHER) types again
+
+check: .venv/installed-dev
+	$(TOGETHER) again
 
 lint: .venv/installed-dev
 	$(BIN)/ruff check .
@@ -43,14 +55,24 @@ lint: .venv/installed-dev
 types: .venv/installed-dev
 	$(BIN)/mypy
 
-check: .venv/installed-dev
-	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m 'not e2e and not long' $(ARGS)
-	$(BIN)/python -m pytest --numprocesses $$((2 * $$(nproc))) --dist loadfile -m 'e2e and not long' $(ARGS) || { [ $$? -eq 1 ] \
-	  && echo '*** Tests in real time failed (above).  They are run once more, alone:' \
-	  && $(BIN)/python -m pytest -m 'e2e and not long' --last-failed --last-failed-no-failures none $(ARGS); }
+# In a new clone each of the processes below would compile what it imports; so one does, while mypy has the other processor.
+# It says nothing: what cannot be imported is told below.
+compile: .venv/installed-dev
+	-@$(PYTEST) --collect-only -qq -m 'not long' $(ARGS) >/dev/null
+
+simulated: compile
+	nice -n 10 $(PYTEST) --numprocesses auto --dist loadfile -m 'not e2e and not long' $(ARGS)
+
+real-time: compile
+	@rm -f $(FAILED)
+	$(PYTEST) --numprocesses $$((2 * $$(nproc))) --dist loadfile $(REAL_TIME) $(ARGS) || { [ $$? -eq 1 ] && [ -e $(FAILED) ]; }
+
+again: simulated real-time
+	@[ ! -e $(FAILED) ] || { echo '*** Tests in real time failed (above).  They are run once more, alone:' \
+	  && $(PYTEST) $(REAL_TIME) --last-failed $(ARGS); }
 
 long: .venv/installed-dev
-	$(BIN)/python -m pytest --numprocesses auto --dist loadfile -m long $(ARGS)
+	$(PYTEST) --numprocesses auto --dist loadfile -m long $(ARGS)
 
 bench: .venv/installed-dev .venv/installed-mujoco
 	$(BIN)/python -m bench.start
@@ -70,7 +92,7 @@ small-board: .venv/installed-dev
 	$(BIN)/python -m bench.small_board --page docs/performance.md $(ARGS)
 
 fuzz: .venv/installed-dev
-	$(BIN)/python -m pytest -s tests/hostile/test_fuzz.py $(ARGS)
+	$(PYTEST) -s tests/hostile/test_fuzz.py $(ARGS)
 
 mutants: .venv/installed-dev
 	$(BIN)/python -m tests.mutants.run $(ARGS)
@@ -80,7 +102,7 @@ hostile: .venv/installed-dev
 
 witnesses: .venv/installed-dev
 	$(PIP) --upgrade --target .venv/witnesses 'pypot>=5,<6' 'lerobot[feetech]>=0.4,<0.5'
-	PYTHONPATH=.venv/witnesses $(BIN)/python -m pytest tests/fakes/test_more_witnesses.py $(ARGS)
+	PYTHONPATH=.venv/witnesses $(PYTEST) tests/fakes/test_more_witnesses.py $(ARGS)
 
 soak: .venv/installed-dev
 	$(BIN)/python -m bench.soak $(ARGS)

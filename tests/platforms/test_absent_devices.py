@@ -53,7 +53,7 @@ def test_a_loop_is_told_once_for_each_loss(base: str) -> None:
 
 
 def test_a_motor_of_a_kit_that_is_unplugged() -> None:
-    lab = Bioloid.ready()
+    lab = Bioloid.small(3)
     lab.end.unplug()
     lab.run(0.5)
     assert lab.say("motor3.val = 1|; motor3.val = 0.9|;", 0.2).count(DOWN) == 1
@@ -61,7 +61,7 @@ def test_a_motor_of_a_kit_that_is_unplugged() -> None:
 
 
 def test_a_motor_that_does_not_answer() -> None:
-    lab = Bioloid.ready()
+    lab = Bioloid.small(6, 7)
     lab.kit.power_off(lab.bus_clock.now(), 6)
     lab.run(0.5)
     assert "!!! 1.1-10: warning: device 6 is lost: " in lab.say("motor6.val = 0.5|; motor6.val = 0.4|;", 0.2)
@@ -73,7 +73,7 @@ def test_a_motor_that_does_not_answer() -> None:
 
 
 def test_a_movement_that_goes_on_when_the_link_is_back_is_no_mistake() -> None:
-    lab = Bioloid.ready()
+    lab = Bioloid.small(6)
     lab.say("motor6.val = 0 sin:1s ampli:20deg,", 1)
     lab.end.unplug()
     lab.run(1)

@@ -29,7 +29,7 @@ def test_opening_makes_the_objects_of_the_manual() -> None:
 
 
 def test_a_motor_can_be_given_a_name_for_everybody() -> None:
-    lab = Lab.ready()
+    lab = Lab.small(7)
     lab.say("do (Global) { var headYaw = motors[7]; };")
     lab.say("headYaw.val = 10deg;", 0.5)
     assert lab.number("motor7.val") == pytest.approx(0.1745, abs=0.02)
@@ -109,7 +109,7 @@ def test_a_silent_servo_says_so_and_the_others_go_on(caplog: pytest.LogCaptureFi
 
 
 def test_settings_come_back_after_a_power_cut_and_nothing_moves() -> None:
-    lab = Lab.ready()
+    lab = Lab.small(6)
     lab.say("motor6.speed = 2 | motor6.cwComplianceSlope = 64 | motor6.torqueLimit = 0.75 | motor6.val = 40deg;", 1)
     lab.kit.power_off(lab.bus_clock.now(), 6)
     lab.run(0.5)
@@ -123,7 +123,7 @@ def test_settings_come_back_after_a_power_cut_and_nothing_moves() -> None:
 
 
 def test_a_motor_that_was_switched_off_stays_off_after_a_power_cut() -> None:
-    lab = Lab.ready()
+    lab = Lab.small(6)
     lab.say("motor6.load = 0;", 0.1)
     lab.kit.power_off(lab.bus_clock.now(), 6)
     lab.run(0.5)
@@ -134,7 +134,7 @@ def test_a_motor_that_was_switched_off_stays_off_after_a_power_cut() -> None:
 
 
 def test_the_adapter_pulled_and_put_back_during_a_swing(caplog: pytest.LogCaptureFixture) -> None:
-    lab = Lab.ready()
+    lab = Lab.small(6)
     lab.say('at (bioloid.linkLost?(var why)) echo("gone") & at (bioloid.linkBack?) echo("here");')
     lab.say("motor6.val = 0 sin:1s ampli:20deg,", 1)
     lab.end.unplug()
@@ -164,7 +164,7 @@ def test_scan_finds_a_new_device() -> None:
 
 
 def test_stop_holds_the_joints() -> None:
-    lab = Lab.ready()
+    lab = Lab.small(6)
     lab.say("motor6.speed = 1 | motor6.val = 90deg;", 0.5)
     lab.say("bioloid.stop;", 0.2)
     place = lab.number("motor6.val")
@@ -190,14 +190,14 @@ def test_statistics_and_status() -> None:
 
 
 def test_the_sign_of_life_is_sent_by_the_kernel() -> None:
-    lab = Lab.ready()
+    lab = Lab.small(6)
     lab.sent(m.Heartbeat)
     lab.run(2.05)
     assert len(lab.sent(m.Heartbeat)) == 4
 
 
 def test_closing_lets_go_and_twice_is_fine() -> None:
-    lab = Lab.ready()
+    lab = Lab.small(6)
     lab.robot.close()
     lab.robot.close()
     assert lab.say("motor6.val = 1; 1+1;") == "1\n2"
@@ -221,7 +221,7 @@ def test_a_servo_that_is_expected_and_missing_is_named_and_joins(caplog: pytest.
 
 
 def test_a_servo_that_loses_answers_while_it_comes_back_comes_back_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    lab = Lab.ready()
+    lab = Lab.small(5, 6, 7)
     lab.kit.faults.start("silence", 6)
     lab.run(1.0)
     assert lab.look("motor6.state") == '"lost"'

@@ -184,7 +184,7 @@ def test_expected_devices_that_are_missing_are_one_line(caplog: pytest.LogCaptur
 
 
 def test_a_flapping_servo_does_not_fill_the_log(caplog: pytest.LogCaptureFixture) -> None:
-    lab = Bioloid.ready()
+    lab = Bioloid.small(6)
     caplog.set_level(logging.INFO)
     for _ in range(20):
         lab.kit.power_off(lab.bus_clock.now(), 6)

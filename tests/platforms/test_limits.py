@@ -33,7 +33,7 @@ def fastest(lab: Bioloid, seconds: float, unit: int = 6) -> float:
 
 
 def test_a_joint_stays_within_its_position_limit_and_says_which_that_is() -> None:
-    lab = Bioloid.ready(limits={"motor6": {"position": [-0.5, 0.5]}})
+    lab = Bioloid.small(6, limits={"motor6": {"position": [-0.5, 0.5]}})
     lab.say("at (motor6.limited?(var by)) echo(by);")
     assert "*** limits.motor6.position" in lab.say("motor6.val = 1.5|;", 2.0)
     assert lab.number("motor6.val") == pytest.approx(0.5, abs=0.02)
@@ -46,7 +46,7 @@ def test_a_joint_stays_within_its_position_limit_and_says_which_that_is() -> Non
 
 
 def test_a_limit_that_acts_on_one_write_after_the_other_is_told_once_and_stays() -> None:
-    lab = Bioloid.ready(limits={"motor6": {"position": [-0.5, 0.4]}})
+    lab = Bioloid.small(6, limits={"motor6": {"position": [-0.5, 0.4]}})
     lab.say("at (motor6.limited?(var by)) echo(by);")
     told = lab.say("motor6.val = 1.5|; sleep(0.2s); motor6.val = 1.6|;", 0.5).splitlines()
     assert told == ["!!! 1.39-48: warning: limited by limits.motor6.position", "*** limits.motor6.position"]
@@ -64,7 +64,7 @@ def test_a_limit_that_acts_on_one_write_after_the_other_is_told_once_and_stays()
 
 
 def test_the_writer_is_warned_of_a_limit_of_the_settings_but_not_of_the_range_of_a_slot() -> None:
-    lab = Bioloid.ready(limits={"motor6": {"position": [-0.5, 0.4], "speed": 1.0}})
+    lab = Bioloid.small(6, limits={"motor6": {"position": [-0.5, 0.4], "speed": 1.0}})
     assert lab.say("motor6.val = 0.3; motor6.val = 0.45;", 0.1).splitlines() == [
         "0.3", "!!! 1.19-28: warning: limited by limits.motor6.position", "0.45",
     ]  # fmt: skip
@@ -82,7 +82,7 @@ def test_the_writer_is_warned_of_a_limit_of_the_settings_but_not_of_the_range_of
 
 
 def test_a_joint_goes_no_faster_than_its_speed_limit() -> None:
-    free, limited = Bioloid.ready(), Bioloid.ready(limits={"speed": 0.5})
+    free, limited = Bioloid.small(6), Bioloid.small(6, limits={"speed": 0.5})
     for lab in (free, limited):
         lab.say("motor6.val = 1|;")
     assert fastest(free, 3.0) > 3.0
@@ -91,7 +91,7 @@ def test_a_joint_goes_no_faster_than_its_speed_limit() -> None:
 
 
 def test_a_wheel_turns_and_speeds_up_within_its_limits_both_ways() -> None:
-    lab = Bioloid.ready(limits={"motor6": {"speed": 0.5, "acceleration": 0.5}})
+    lab = Bioloid.small(6, limits={"motor6": {"speed": 0.5, "acceleration": 0.5}})
     lab.say("motor6.cwLimit = motor6.ccwLimit = 0|; sleep(300ms); motor6.speed = -3|;", 0.8)
     assert fastest(lab, 0.05) < 0.4
     # A wheel is driven open loop: friction takes a part of what is asked for.
@@ -102,14 +102,14 @@ def test_a_wheel_turns_and_speeds_up_within_its_limits_both_ways() -> None:
 
 
 def test_the_range_of_a_slot_is_a_limit_that_is_told() -> None:
-    lab = Bioloid.ready()
+    lab = Bioloid.small(6)
     lab.say("motor6.val = 4000deg|;", 0.1)
     assert lab.number("motor6.requested") == pytest.approx(4000 * math.pi / 180, rel=1e-4)
     assert lab.look("motor6.limitedBy").startswith('"range of val: -2.6')
 
 
 def test_heat_warns_then_halves_the_torque_then_lets_go_with_hysteresis() -> None:
-    lab = Bioloid.ready(limits={"motor6": {"temperature": [50, 60, 70]}})
+    lab = Bioloid.small(6, limits={"motor6": {"temperature": [50, 60, 70]}})
     lab.say("at (bioloid.guarded?(var id, var by, var on)) echo(by + \" \" + on.asString);")
     lab.say("motor6.val = 0.5|;", 1.0)
     unit = lab.kit.servo(6)
@@ -139,7 +139,7 @@ def reload(lab: Bioloid | Drives, limits: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize("limits", [{}, {"temperature": [55, 65, 75]}])
 def test_a_temperature_limit_that_is_corrected_frees_the_motor_at_once(limits: dict[str, Any]) -> None:
-    lab = Bioloid.ready(limits={"temperature": [20, 25, 30]})
+    lab = Bioloid.small(6, limits={"temperature": [20, 25, 30]})
     lab.run(1.5)
     held = "6 is held by limits.temperature (release): let it cool below 25 degrees, then load = 1"
     assert held in lab.say("motor6.load = 1|;", 0.3)
@@ -152,7 +152,7 @@ def test_a_temperature_limit_that_is_corrected_frees_the_motor_at_once(limits: d
 
 
 def test_a_temperature_limit_that_is_lowered_acts_at_once_and_keeps_its_hysteresis() -> None:
-    lab = Bioloid.ready(limits={"temperature": [50, 60, 70]})
+    lab = Bioloid.small(6, limits={"temperature": [50, 60, 70]})
     lab.kit.servo(6).heat(45)
     lab.say("motor6.load = 1|; motor6.val = 0.5|;", 2.0)
     reload(lab, {"temperature": [20, 30, 44]})
@@ -167,7 +167,7 @@ def test_a_temperature_limit_that_is_lowered_acts_at_once_and_keeps_its_hysteres
 
 
 def test_a_torque_that_heat_had_halved_is_restored_within_the_limits_of_now() -> None:
-    lab = Bioloid.ready(limits={"temperature": [20, 25, 75]})
+    lab = Bioloid.small(6, limits={"temperature": [20, 25, 75]})
     lab.run(1.5)
     assert lab.register(6, "torque_limit") == 511
     reload(lab, {"torque": 0.3})
@@ -175,7 +175,7 @@ def test_a_torque_that_heat_had_halved_is_restored_within_the_limits_of_now() ->
 
 
 def test_what_a_worker_that_is_gone_held_is_forgotten() -> None:
-    lab = Bioloid.ready(limits={"temperature": [20, 25, 30]})
+    lab = Bioloid.small(6, limits={"temperature": [20, 25, 30]})
     lab.run(1.5)
     assert lab.robot.motion.held
     lab.robot.limits.settings = LimitSettings.of({})
@@ -186,7 +186,7 @@ def test_what_a_worker_that_is_gone_held_is_forgotten() -> None:
 
 
 def test_torque_is_limited_from_the_start() -> None:
-    lab = Bioloid.ready(limits={"torque": 0.75})
+    lab = Bioloid.small(6, limits={"torque": 0.75})
     lab.run(0.2)
     assert lab.register(6, "torque_limit") == pytest.approx(512, abs=1)
     lab.say("motor6.torqueLimit = 1.5|;", 0.5)

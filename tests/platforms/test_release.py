@@ -50,7 +50,7 @@ def release(lab: Lab) -> None:
 @pytest.mark.parametrize("when", ["before", "while"])
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_what_began_before_the_release_moves_nothing_until_it_is_armed_again(name: str, when: str) -> None:
-    lab = Lab.ready()
+    lab = Lab.small(6, 7)
     lab.run(0.5)
     if when == "before":
         lab.say(PROGRAMS[name], 0.3)
@@ -76,7 +76,7 @@ def test_what_began_before_the_release_moves_nothing_until_it_is_armed_again(nam
 
 @pytest.mark.parametrize("typist", ["Lobby.create", "lobby"])
 def test_what_a_program_types_is_as_old_as_that_program(typist: str) -> None:
-    lab = Lab.ready()
+    lab = Lab.small(6, 7)
     text = f'var L = {typist}|; every (99ms) {{ try {{ L.receive("motor6.val = (time*5).sin;\\n") }} catch {{}} }},'
     lab.say(text, 0.3)
     press(lab)
@@ -87,7 +87,7 @@ def test_what_a_program_types_is_as_old_as_that_program(typist: str) -> None:
 
 
 def test_who_releases_may_move_and_what_an_order_triggers_too() -> None:
-    lab = Lab.ready()
+    lab = Lab.small(6, 7)
     lab.say("var Global.e = Event.new|; at (e?(var goal)) motor6.val = goal;", 0.2)
     press(lab)
     lab.say("bioloid.estop = false; motor6.val = 1;", 1.5)
@@ -97,7 +97,7 @@ def test_who_releases_may_move_and_what_an_order_triggers_too() -> None:
 
 
 def test_a_servo_that_is_on_obeys_after_a_stop_has_taken_a_second_switching_on() -> None:
-    lab = Lab.ready()
+    lab = Lab.small(6, 7)
     lab.say("motor6.load = 1;", 0.3)
     lab.say("motor6.load = 1; robot.stop;", 0.3)
     lab.say("motor6.val = 0.5;", 1.5)
@@ -116,7 +116,7 @@ def test_a_servo_that_is_on_obeys_after_a_stop_has_taken_a_second_switching_on()
     "whenever (!bioloid.estop) { motor6.val = 1 | sleep(100ms) };",
 ])  # fmt: skip
 def test_the_release_itself_orders_nothing_of_those_who_wait_for_it(waiting: str, when: str) -> None:
-    lab = Lab.ready()
+    lab = Lab.small(6, 7)
     other = lab.kernel.open_lobby("127.0.0.1")
     lab.say("motor6.load = 1;", 0.3)
     if when == "before":
@@ -173,7 +173,7 @@ class FarDevice:
 @pytest.mark.parametrize("binary", [False, True])
 @pytest.mark.parametrize("called", [False, True])
 def test_values_and_events_of_a_remote_device_are_no_orders(called: bool, binary: bool) -> None:
-    lab = Lab.ready()
+    lab = Lab.small(6, 7)
     lab.run(0.1)
     far = FarDevice(lab, binary)
     handlers = "at (uobjects.far.val > 1) motor6.val = 1; at (uobjects.far.seen?) motor6.val = 1;"
@@ -195,7 +195,7 @@ def test_values_and_events_of_a_remote_device_are_no_orders(called: bool, binary
 @pytest.mark.parametrize("binary", [False, True])
 def test_a_remote_program_that_moves_the_robot_waits_for_an_order(binary: bool) -> None:
     """It is one program, which began when it joined; a call of its functions is an order."""
-    lab = Lab.ready()
+    lab = Lab.small(6, 7)
     lab.run(0.1)
     far = FarDevice(lab, binary)
     far.run("motor6.val = 1")
@@ -233,7 +233,7 @@ class Tracker(UObject):
 
 @pytest.mark.parametrize("by_text", [False, True])
 def test_a_device_in_the_server_moves_nothing_by_itself_after_a_release(by_text: bool) -> None:
-    lab = Lab.ready()
+    lab = Lab.small(6, 7)
     lab.kernel.host.register(Tracker)
     tracker = lab.kernel.host.create(Tracker, "tracker")
     tracker.by_text = by_text

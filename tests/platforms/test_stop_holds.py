@@ -33,7 +33,7 @@ def horn(lab: Bioloid, unit: int = 6) -> Callable[[], float]:
 @pytest.mark.parametrize("stop", STOPS)
 @pytest.mark.parametrize("silence", [0.05, 0.15, 0.4, 1.5])
 def test_a_joint_that_is_silent_while_it_is_stopped_holds_when_it_answers_again(stop: str, silence: float) -> None:
-    lab = Bioloid.ready()
+    lab = Bioloid.small(6)
     lab.say("motor6.speed = 0.25|; motor6.val = -140deg|;", 0.5)
     lab.kit.faults.start("silence", 6)
     lab.run(0.06)
@@ -44,7 +44,7 @@ def test_a_joint_that_is_silent_while_it_is_stopped_holds_when_it_answers_again(
 
 
 def test_a_second_stop_stops_what_the_first_could_not() -> None:
-    lab = Bioloid.ready()
+    lab = Bioloid.small(6)
     lab.say("motor6.speed = 0.25|; motor6.val = -140deg|;", 0.5)
     lab.kit.faults.start("checksum", 6)
     lab.say("robot.stop;", 0.1)
@@ -65,7 +65,7 @@ def test_a_slow_joint_of_the_x_series_is_seen_by_a_new_worker() -> None:
 
 @pytest.mark.parametrize("mode", ["add", "mix", "queue", "normal"])
 def test_blended_movements_end_with_a_stop_and_do_not_come_back(mode: str) -> None:
-    lab = Bioloid.ready()
+    lab = Bioloid.small(6)
     swings = "motor6.val = 0 sin:1s ampli:20deg & motor6.val = 0 sin:2s ampli:20deg"
     lab.say(f'motor6.val->blend = "{mode}"|; {swings},', 1.0)
     lab.look("robot.stop|")
@@ -78,7 +78,7 @@ def test_blended_movements_end_with_a_stop_and_do_not_come_back(mode: str) -> No
 
 
 def test_a_finally_clause_moves_nothing_after_a_stop_but_a_catch_may() -> None:
-    lab = Bioloid.ready()
+    lab = Bioloid.small(6)
     swing = "motor6.val = 0 sin:1s ampli:30deg"
     lab.say(f"try {{ {swing} }} finally {{ {swing} }},", 1.0)
     lab.look("robot.stop|")
@@ -92,7 +92,7 @@ def test_a_finally_clause_moves_nothing_after_a_stop_but_a_catch_may() -> None:
 
 @pytest.mark.parametrize("clause", ["nowhere", "throw 1", "return"])
 def test_an_error_or_a_jump_in_a_finally_clause_does_not_undo_a_stop(clause: str) -> None:
-    lab = Bioloid.ready()
+    lab = Bioloid.small(6)
     swing = "motor6.val = 0 sin:1s ampli:30deg"
     lab.say(f"function f() {{ try {{ {swing} }} finally {{ {clause} }} }}|;", 0.1)
     lab.say(f"{{ try {{ f }} catch {{ }}; {swing} }},", 1.0)
@@ -102,7 +102,7 @@ def test_an_error_or_a_jump_in_a_finally_clause_does_not_undo_a_stop(clause: str
 
 
 def test_a_wheel_that_becomes_a_joint_stays_where_it_is() -> None:
-    lab = Bioloid.ready()
+    lab = Bioloid.small(6)
     lab.say("motor6.val = 50deg|; sleep(1.5s); motor6.cwLimit = motor6.ccwLimit = 0|; sleep(300ms);", 2.5)
     lab.say("motor6.speed = -1|; sleep(800ms); robot.stop; sleep(300ms);", 1.5)
     lab.say("motor6.cwLimit = -150deg|; motor6.ccwLimit = 150deg|;", 0.1)
@@ -140,7 +140,7 @@ def test_raw_telegrams_of_the_nxt_keep_to_stop_lease_and_limits() -> None:
 
 
 def test_a_stop_that_is_asked_again_and_again_floods_nothing(caplog: pytest.LogCaptureFixture) -> None:
-    lab = Bioloid.ready()
+    lab = Bioloid.small(6)
     lab.say("whenever (sensor100.IRCenter > 60) { robot.stop; sleep(1ms) },")
     lab.console().line("ir 0 80 0")
     lab.run(3.0)
@@ -149,7 +149,7 @@ def test_a_stop_that_is_asked_again_and_again_floods_nothing(caplog: pytest.LogC
 
 
 def test_what_a_hot_motor_was_refused_is_not_done_later() -> None:
-    lab = Bioloid.ready(limits={"motor6": {"temperature": [55, 65, 75]}})
+    lab = Bioloid.small(6, limits={"motor6": {"temperature": [55, 65, 75]}})
     lab.say("motor6.val = 0 sin:1s ampli:20deg,", 1.0)
     lab.kit.servo(6).heat(80)
     lab.run(2.0)
@@ -165,7 +165,7 @@ def test_what_a_hot_motor_was_refused_is_not_done_later() -> None:
 
 @pytest.mark.parametrize("loss", ["silence", "unplug"])
 def test_a_movement_whose_device_is_lost_ends_if_the_settings_say_so(loss: str) -> None:
-    lab = Bioloid.ready(resume=False)
+    lab = Bioloid.small(6, resume=False)
     lab.say("motor6.val = 0 sin:1s ampli:20deg,", 1.5)
     if loss == "silence":
         lab.kit.faults.start("silence", 6)
@@ -192,7 +192,7 @@ def test_an_emergency_stop_counts_from_the_statement_on_and_stop_is_no_error_und
 
 @pytest.mark.parametrize("stop", STOPS)
 def test_a_handler_of_at_sync_that_waits_for_another_does_not_move_after_a_stop(stop: str) -> None:
-    lab = Bioloid.ready()
+    lab = Bioloid.small(6)
     lab.say(
         "var Global.e = Event.new|; at sync (e?) { sleep(0.8s) }; at sync (e?) { motor6.val = 60deg }; { e! },", 0.2
     )
@@ -203,7 +203,7 @@ def test_a_handler_of_at_sync_that_waits_for_another_does_not_move_after_a_stop(
 
 @pytest.mark.parametrize("end", ["stop", "block"])
 def test_at_sync_whose_tag_is_stopped_while_another_handler_runs_does_not_begin(end: str) -> None:
-    lab = Bioloid.ready()
+    lab = Bioloid.small(6)
     lab.say(
         "var Global.e = Event.new|; at sync (e?) { sleep(0.8s) };"
         " var tg = Tag.new|; tg: at sync (e?) { motor6.val = 60deg }; { e! },",
