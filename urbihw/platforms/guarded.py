@@ -236,6 +236,7 @@ class MotionGuard(DevicePart):
             self._free()
         self.estop.sense(bool(holders))
         if message.freed:
+            self._send(m.ReleaseKnown())
             stops = " and ".join(message.freed)
             left = f"; that of {message.reason} holds" if message.reason else ""
             self._log.warning("emergency stop of %s released by %s%s", stops, message.who, left, event="released")
