@@ -102,11 +102,11 @@ class WiredRobot(RobotHooks, PlatformRobot):
         self.worker.check(settings)
         self.guard.configure(settings)
         have_changed = limits != self.limits.settings
-        looser = self.limits.take(limits)
+        raised, looser = self.limits.take(limits)
         self.worker.configure(settings, self.expected)
         self.limits.send()
         if have_changed:
-            self.report.show_looser(looser)
+            self.report.show_looser(raised, looser)
 
     def close(self) -> None:
         """Stop the robot, end the worker, and destroy the objects."""
