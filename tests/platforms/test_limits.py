@@ -362,7 +362,8 @@ def test_a_reload_that_removes_or_raises_limits_says_so(
         caplog.clear()
         reload(lab, limits)
         begin = "limits removed or raised by the settings: "
-        assert [each.message for each in caplog.records if begin in each.message] == ([begin + logged] if logged else [])
+        lines = [each.message for each in caplog.records if begin in each.message]
+        assert lines == ([begin + logged] if logged else [])
         assert lab.look("robot.problems") == (f'["{begin}{shown}"]' if shown else "[]")
     reload(lab, {"speed": 2.0})
     shown = lab.look("robot.problems")
