@@ -16,7 +16,7 @@ from spykee_lab import Lab as Spykee
 
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import BadConfig, RobotSettings
-from urbihw.platforms import limited, problems
+from urbihw.platforms import base, limited
 from urbihw.platforms.limits import LimitSettings
 
 COUNT = math.radians(300 / 1023)
@@ -340,7 +340,7 @@ def test_a_device_that_is_not_there_is_named(caplog: pytest.LogCaptureFixture) -
 def test_a_reload_that_removes_or_raises_limits_says_so(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in (limited, problems):
+    for module in (limited, base):
         monkeypatch.setattr(module, "LOOSER_SHOWN_S", 2.0)
     joint = {"position": [-0.5, 0.5], "speed": 0.5}
     lab = Bioloid.ready(limits={"speed": 1.0, "motor6": joint, "motor7": {"torque": 1}})

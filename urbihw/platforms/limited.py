@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import DevicePart, Motion, UObject, event
@@ -15,7 +15,9 @@ from urbihw.platforms.clipping import TargetLimits
 from urbihw.platforms.devicelog import DeviceLog
 from urbihw.platforms.hooks import RobotHooks
 from urbihw.platforms.limits import LimitSettings
-from urbihw.platforms.problems import LOOSER_SHOWN_S
+
+LOOSER_SHOWN_S: Final = 600.0
+"""Seconds for which a reload that removed or raised limits is a problem."""
 
 
 class RobotLimits(DevicePart):
