@@ -23,6 +23,7 @@ from urbihw.buses.driver import driver_of
 from urbihw.buses.engine import Engine
 from urbihw.buses.errors import Unavailable
 from urbihw.buses.mailbox import Mailbox
+from urbihw.buses.owed_releases import LONGEST_WAIT_S
 from urbihw.control_address import abstract_address, local_user
 
 from .conftest import Rig
@@ -89,10 +90,14 @@ class ControlBench(Bench):
         return self.callers[-1]
 
     def order(self, verb: str, who: str = "a test", **more: Any) -> tuple[Say, list[m.FromWorker]]:
-        """Say something as a new client: the answer, and what the parent heard meanwhile."""
+        """Say something as a new client: the answer, and what the parent heard meanwhile, which confirms releases."""
         caller = self.call()
         caller.send(json.dumps({"do": verb, "who": who, **more}).encode() + b"\n")
         heard = self.run(0.03)
+        for latched in of(m.Latched, heard):
+            if latched.freed:
+                self.tell(m.ReleaseKnown())
+        heard += self.run(0.02)
         (answer,) = caller.hear()
         return answer, heard
 
@@ -270,6 +275,39 @@ def test_release_lets_it_move_again_but_moves_nothing(bench: ControlBench) -> No
     bench.move(900, epoch=answer["epoch"])
     assert bench.register(GOAL) == 900
     assert of(m.Latched, bench.order("release")[1]) == []
+
+
+def test_a_release_is_answered_when_the_parent_knows_it(bench: ControlBench) -> None:
+    """Else a write right behind the answer is refused by a parent that does not know of the release yet."""
+    bench.order("estop")
+    caller = bench.call()
+    caller.say("release")
+    heard = bench.run(0.1)
+    assert [latched.freed for latched in of(m.Latched, heard)] == [("a test",)]
+    assert caller.hear() == []
+    bench.tell(m.ReleaseKnown())
+    bench.run(0.02)
+    assert [answer["released"] for answer in caller.hear()] == [True]
+
+
+def test_a_release_is_answered_although_the_parent_is_held(bench: ControlBench) -> None:
+    first, second = bench.call(), bench.call()
+    for caller in (first, second):
+        bench.order("estop")
+        caller.say("release")
+        bench.run(LONGEST_WAIT_S + 0.1)
+        assert [(answer["released"], answer["estop"]) for answer in caller.hear()] == [(True, "")]
+    # What the parent confirms late is no confirmation of the next release.
+    bench.order("estop")
+    first.say("release")
+    bench.run(0.05)
+    bench.tell(m.ReleaseKnown())
+    bench.tell(m.ReleaseKnown())
+    bench.run(0.05)
+    assert first.hear() == []
+    bench.tell(m.ReleaseKnown())
+    bench.run(0.05)
+    assert first.hear()[0]["released"]
 
 
 def test_a_press_without_a_name_has_one(bench: ControlBench) -> None:

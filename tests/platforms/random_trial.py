@@ -231,6 +231,7 @@ class Trial(Scene):
         """Another master moves the robot: while an emergency stop holds, that is noticed."""
         for part in push.parts:
             self.unbind(part, self.now())
+            self.stays.pop(part, None)
         if self.model.latched:
             self.excused |= dict.fromkeys(push.parts, self.now() + NOTICED)
             self.unnoticed.append((self.now() + NOTICED, push))

@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 from chain_lab import Lab
 
+from urbihw.kernel.uobject import RobotSettings
+
 JOINTS = [
     "AX-12", "RX-28", "RX-64", "EX-106+", "MX-12W", "MX-28", "MX-64", "MX-106", "XL-320", "XL330-M288", "XL430-W250",
     "XM430-W350", "PH54-200-S500-R", "H54-200-S500-R", "YM070-210-R099-RH", "STS3215", "SCS0009",
@@ -108,3 +110,15 @@ def test_what_a_client_cannot_set_under_an_emergency_stop_is_refused_to_it() -> 
     lab.look("chain.estop = true")
     assert "release it first" in lab.say("motor1.torqueLimit = 0.1;", 1)
     assert lab.register(1, "goal_pwm") == before
+
+
+@pytest.mark.parametrize("model", TORQUE_LIMITS)
+def test_a_torque_limit_that_is_reloaded_under_an_emergency_stop_holds_from_the_release_on(model: str) -> None:
+    lab = Lab.ready(f"{model}:1")
+    before = lab.register(1, TORQUE_LIMITS[model])
+    lab.look("chain.estop = true")
+    lab.robot.configure(RobotSettings(lab.url, 1 / lab.tick, limits={"torque": 0.3}))
+    lab.run(1.0)
+    lab.look("chain.estop = false")
+    lab.run(1.0)
+    assert lab.register(1, TORQUE_LIMITS[model]) not in (0, before)

@@ -83,6 +83,26 @@ def test_a_stop_of_somebody_else_holds_although_a_release_is_on_its_way(late: La
     assert lab.look("bioloid.estopHolders") == '["Bob"]'
 
 
+def test_a_release_of_somebody_else_is_confirmed_when_it_counts(late: Late, monkeypatch: pytest.MonkeyPatch) -> None:
+    """So the control socket can answer then."""
+    lab, sent = late.lab, list[Any]()
+    send = lab.robot.guard._send
+
+    def pass_on(message: Any) -> None:
+        sent.append(message)
+        send(message)
+
+    monkeypatch.setattr(lab.robot.guard, "_send", pass_on)
+    assert lab.worker is not None
+    for order in (m.EmergencyStop("Bob", "bob"), m.Release("Bob", "bob")):
+        lab.worker.send(order)
+        lab.run(0.1)
+    assert m.ReleaseKnown() not in sent
+    late.deliver()
+    assert sent.count(m.ReleaseKnown()) == 1
+    assert lab.look("bioloid.estop") == "false"
+
+
 def test_a_release_that_the_worker_has_dropped_did_not_happen(late: Late) -> None:
     """Somebody presses right behind it: the worker reads both at once, and the stop is newer."""
     lab = late.lab

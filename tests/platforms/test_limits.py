@@ -16,6 +16,7 @@ from spykee_lab import Lab as Spykee
 
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import BadConfig, RobotSettings
+from urbihw.platforms import base, limited
 from urbihw.platforms.limits import LimitSettings
 
 COUNT = math.radians(300 / 1023)
@@ -336,26 +337,44 @@ def test_a_device_that_is_not_there_is_named(caplog: pytest.LogCaptureFixture) -
     assert "limits.motor66: there is no such device; there are: motor1," in caplog.text
 
 
-def test_a_reload_that_removes_or_raises_limits_says_so(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_reload_that_removes_or_raises_limits_says_so(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in (limited, base):
+        monkeypatch.setattr(module, "LOOSER_SHOWN_S", 2.0)
     joint = {"position": [-0.5, 0.5], "speed": 0.5}
     lab = Bioloid.ready(limits={"speed": 1.0, "motor6": joint, "motor7": {"torque": 1}})
-    for limits, told in (
-        ({"speed": 1.0, "motor6": {"position": [-0.4, 0.4], "speed": 0.5}, "motor7": {"torque": 0.9}}, ""),
+    one = {"speed": 1.0, "motor6": {"position": [-0.4, 0.4], "speed": 0.5}, "motor7": {"torque": 0.9}}
+    for limits, logged, shown in (
+        (one, "", ""),
         ({"speed": 1.0, "motor6": {"position": [-0.4, 0.6]}, "motor7": {"torque": 0.9}},
+         "limits.motor6.position [-0.4, 0.4] -> [-0.4, 0.6]; limits.motor6.speed 0.5 -> 1",
          "limits.motor6.position [-0.4, 0.4] -> [-0.4, 0.6]; limits.motor6.speed 0.5 -> 1"),
-        ({}, "limits.speed 1 -> none; limits.motor6.position [-0.4, 0.6] -> none; limits.motor7.torque 0.9 -> none"),
-        ({"speed": 2.0}, ""),
+        ({}, "limits.speed 1 -> none; limits.motor6.position [-0.4, 0.6] -> none; limits.motor7.torque 0.9 -> none",
+         "limits.speed 1 -> none; limits.motor6.position [-0.4, 0.4] -> none; limits.motor6.speed 0.5 -> none; "
+         "limits.motor7.torque 0.9 -> none"),
+        # A reload that changes another limit does not hide what was raised before.
+        ({"motor6": {"temperature": [40, 50, 60]}}, "",
+         "limits.speed 1 -> none; limits.motor6.position [-0.4, 0.4] -> none; limits.motor6.speed 0.5 -> none; "
+         "limits.motor7.torque 0.9 -> none"),
+        (one, "limits.motor6.temperature [40, 50, 60] -> none", ""),
     ):  # fmt: skip
         caplog.clear()
         reload(lab, limits)
-        line = f"limits removed or raised by the settings: {told}" if told else ""
-        assert [each.message for each in caplog.records if "limits" in each.message] == ([line] if told else [])
-        assert lab.look("robot.problems") == (f'["{line}"]' if told else "[]")
-    reload(lab, {})
-    assert "limits.speed 2 -> none" in lab.look("robot.problems")
+        begin = "limits removed or raised by the settings: "
+        lines = [each.message for each in caplog.records if begin in each.message]
+        assert lines == ([begin + logged] if logged else [])
+        assert lab.look("robot.problems") == (f'["{begin}{shown}"]' if shown else "[]")
+    reload(lab, {"speed": 2.0})
+    shown = lab.look("robot.problems")
+    assert "limits.speed 1 -> 2" in shown
     # The reload is for something else: the limits are those of before.
-    reload(lab, {})
-    assert "limits.speed 2 -> none" in lab.look("robot.problems")
+    reload(lab, {"speed": 2.0})
+    assert lab.look("robot.problems") == shown
+    lab.run(2.1)
+    assert lab.look("robot.problems") == "[]"
+    reload(lab, {"speed": 3.0})
+    assert lab.look("robot.problems") == f'["{begin}limits.speed 2 -> 3"]'
 
 
 def test_a_limit_of_an_absent_device_that_a_reload_removes_is_told(caplog: pytest.LogCaptureFixture) -> None:

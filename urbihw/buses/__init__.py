@@ -26,8 +26,8 @@ text), `ports` (those of this machine), `listening` (a TCP socket that waits), `
 The worker, from its start: `supervisor` (the handle that a robot has), `worker`, `child` and `spare` (its process),
 `silence` (whether it hangs), `engine` (the loop), `mailbox` and `messages` (to and from the daemon), `inbox`, `control`
 and `control_client` (the socket for stops), `ticker`, `robot_link`, `driver` (the base of all drivers), `gate` with
-`authority` (who may move it) and `latches` with `latch_view` (who holds it), `thresholds` and `setpoints` (limits),
-`reports` with `counter` and `processor`.
+`authority` (who may move it) and `latches` with `latch_view` and `owed_releases` (who holds it), `thresholds` and
+`setpoints` (limits), `reports` with `counter` and `processor`.
 
 What it tells of the wire: `health`, `inventory` (expected devices), `readings` (their units), `verdict`, `pace` and
 `turnaround` (why it is slow), `traffic` and `trace` (bytes for people), `events` and `journal` (messages for

@@ -47,6 +47,7 @@ from urbihw.buses.messages import (
     LinkState,
     Refused,
     Release,
+    ReleaseKnown,
     Reply,
     Request,
     Samples,
@@ -58,6 +59,7 @@ from urbihw.buses.messages import (
     Watch,
     Writers,
 )
+from urbihw.buses.owed_releases import OwedReleases
 from urbihw.buses.processor import Processor
 from urbihw.buses.reports import Reports
 from urbihw.buses.robot_link import RobotLink
@@ -102,6 +104,7 @@ class Engine:
             begin.epoch, control.with_suffix(".estop") if control is not None else None, begin.holders
         )
         self._order = begin.order
+        self._owed = OwedReleases(self._clock.now)
         self._gate = Gate(driver, self._authority)
         self._inventory = Inventory(begin.settings.expected)
         self._traffic = TrafficLog(url, self._clock)
@@ -295,6 +298,8 @@ class Engine:
             case Release():
                 self._order = max(self._order, message.order)
                 self._release(message)
+            case ReleaseKnown():
+                self._owed.confirm()
             case Limits():
                 self._execute_threshold_actions(self._gate.set_limits(message, now))
             case Writers():
@@ -369,15 +374,23 @@ class Engine:
         # A disk may be slow, or full: the robot does not wait for it.
         self._keep_latches(who)
 
-    def _release(self, release: Release) -> bool:
-        """Release the latches that a user may release; return False if only others hold the robot."""
+    def _release(self, release: Release, answer: Callable[[Mapping[str, Any]], None] = lambda told: None) -> None:
+        """Release the latches that a user may release; ``answer`` is called when the daemon knows."""
         held = bool(self._authority.holders)
         freed = self._authority.release(release.user, release.others, release.everyone)
         if freed:
             self._keep_latches(release.who, freed)
         elif release.order:
             self._reports.post([self._latched()])
-        return bool(freed) or not held
+        done = bool(freed) or not held
+
+        def tell() -> None:
+            answer(self._state_fields() | {"released": done})
+
+        if freed:
+            self._owed.wait(tell)
+        else:
+            tell()
 
     def _keep_latches(self, who: str, freed: tuple[str, ...] = ()) -> None:
         problem = self._authority.keep_latches()
@@ -391,12 +404,13 @@ class Engine:
 
     def _execute_commands(self) -> None:
         """Execute the commands of the control socket other than stops."""
+        self._owed.answer_late()
         while self._inbox.commands:
             command = self._inbox.commands.popleft()
-            done = True
             if command.verb == RELEASE:
-                done = self._release(command.release)
-            elif command.verb == SUBSCRIBE:
+                self._release(command.release, command.answer)
+                continue
+            if command.verb == SUBSCRIBE:
                 command.client.subscribed = True
             elif command.verb in (TRACE, RECORD):
                 records = command.verb == RECORD
@@ -405,8 +419,6 @@ class Engine:
             elif command.verb == VALUES:
                 command.client.send_values_at(command.rate, self._clock.now())
             told = self._state_fields()
-            if command.verb == RELEASE:
-                told["released"] = done
             if command.verb in (TRACE, RECORD):
                 told |= self._traffic.fields(self._link.port)
             if command.verb == RECORD:

@@ -1,7 +1,7 @@
 """The messages between a bus worker and its parent: frozen, and picklable for a pipe between processes.
 
-To the worker: Begin first; then Targets, Writers, Unusable, Watch, Request, Stop, EmergencyStop, Release, Limits,
-Heartbeat, Configure.
+To the worker: Begin first; then Targets, Writers, Unusable, Watch, Request, Stop, EmergencyStop, Release,
+ReleaseKnown, Limits, Heartbeat, Configure.
 From the worker: Found, GuestsGone, Differences, Samples, DeviceReport, DeviceState, LinkState, Reply, Refused, Limited,
 ThresholdCrossed, Held, Stopped, Latched, Statistics, WorkerHeartbeat, Ended.  From the worker's supervisor:
 WorkerState.
@@ -169,6 +169,11 @@ class Limits:
 @dataclass(frozen=True, slots=True)
 class Heartbeat:
     """The heartbeat of the master. Send it from the main loop every 0.5 s; any other message counts as one too."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReleaseKnown:
+    """The master knows of a release that somebody else has asked for; one for each `Latched` with `freed`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -477,7 +482,18 @@ class Ended:
 
 
 ToWorker = (
-    Targets | Writers | Unusable | Watch | Request | Stop | EmergencyStop | Release | Limits | Heartbeat | Configure
+    Targets
+    | Writers
+    | Unusable
+    | Watch
+    | Request
+    | Stop
+    | EmergencyStop
+    | Release
+    | ReleaseKnown
+    | Limits
+    | Heartbeat
+    | Configure
 )
 FromWorker = (
     Found

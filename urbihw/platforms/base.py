@@ -28,7 +28,7 @@ from urbihw.platforms.expected import for_worker
 from urbihw.platforms.guarded import MotionGuard
 from urbihw.platforms.hooks import RobotHooks
 from urbihw.platforms.identity import RobotIdentity
-from urbihw.platforms.limited import RobotLimits
+from urbihw.platforms.limited import LOOSER_SHOWN_S, RobotLimits
 from urbihw.platforms.limits import LimitSettings
 from urbihw.platforms.problems import ProblemReport
 from urbihw.platforms.remembered import DeviceMemory
@@ -103,11 +103,11 @@ class WiredRobot(RobotHooks, PlatformRobot):
         self.worker.check(settings)
         self.guard.configure(settings)
         have_changed = limits != self.limits.settings
-        looser = self.limits.take(limits)
+        raised, looser = self.limits.take(limits)
         self.worker.configure(settings, self.expected)
         self.limits.send()
         if have_changed:
-            self.report.show_looser(looser)
+            self.report.show_looser(raised, looser, LOOSER_SHOWN_S)
 
     def close(self) -> None:
         """Stop the robot, end the worker, and destroy the objects."""

@@ -134,11 +134,18 @@ class MotionGuard(DevicePart):
             self.motion.hold(left.values())
             origin.warn(f"an emergency stop of {names} still holds: {hint}")
         else:
-            self.motion.release()
+            self._free()
         # An `at` of another client that waits for the release is not ordered by it: so the order comes behind.
         self.estop.sense(bool(left))
         if frees:
             self.motion.arming.order_anew()
+
+    def _free(self) -> None:
+        """No emergency stop holds any more, if one did."""
+        held = self.motion.latched
+        self.motion.release()
+        if held:
+            self._hooks.on_freed()
 
     # ---------------------------------------------------------------- what the robot calls
 
@@ -226,9 +233,10 @@ class MotionGuard(DevicePart):
         if holders:
             self.motion.hold(holders.values())
         else:
-            self.motion.release()
+            self._free()
         self.estop.sense(bool(holders))
         if message.freed:
+            self._send(m.ReleaseKnown())
             stops = " and ".join(message.freed)
             left = f"; that of {message.reason} holds" if message.reason else ""
             self._log.warning("emergency stop of %s released by %s%s", stops, message.who, left, event="released")

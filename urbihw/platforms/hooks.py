@@ -125,5 +125,8 @@ class RobotHooks:
     def on_halt(self, reason: str, devices: tuple[Hashable, ...] | None = None) -> None:
         """All motion, or that of some devices, has ended: cancel pending motion of the platform's own code."""
 
+    def on_freed(self) -> None:
+        """The last emergency stop was released: what the platform itself sets, and was refused meanwhile, is due."""
+
     def on_stopped(self, reason: str) -> None:
         """The worker stopped the robot, or some devices."""

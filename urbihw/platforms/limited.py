@@ -3,9 +3,10 @@ shows what they have changed."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
 from urbihw.buses import messages as m
 from urbihw.kernel.uobject import DevicePart, Motion, UObject, event
@@ -14,6 +15,9 @@ from urbihw.platforms.clipping import TargetLimits
 from urbihw.platforms.devicelog import DeviceLog
 from urbihw.platforms.hooks import RobotHooks
 from urbihw.platforms.limits import LimitSettings
+
+LOOSER_SHOWN_S: Final = 600.0
+"""Seconds for which a reload that removed or raised limits is a problem."""
 
 
 class RobotLimits(DevicePart):
@@ -34,16 +38,29 @@ class RobotLimits(DevicePart):
         self._send, self._channel, self._motion, self._log, self._hooks = send, channel, motion, log, hooks
         self.settings = LimitSettings({}, {})
         self._targets = TargetLimits(hooks, self._show_limited)
+        self._reference = self.settings
+        self._raised_at = -math.inf
         self._unknown: set[str] = set()
         self._has_sent = False
 
-    def take(self, settings: LimitSettings) -> list[str]:
-        """Replace the limits; return in words those that allow more than they did before.  ``send`` comes next."""
+    def take(self, settings: LimitSettings) -> tuple[list[str], list[str]]:
+        """Replace the limits; return in words those that allow more than they did before, and those that allow more
+        than before the first of such changes in ``LOOSER_SHOWN_S``.  ``send`` comes next.
+        """
         before, self.settings = self.settings, settings
+        now = self._motion.now()
+        if now > self._raised_at + LOOSER_SHOWN_S:
+            self._reference = before
+        raised = self._looser_than(before)
+        if raised:
+            self._raised_at = now
+        return raised, self._looser_than(self._reference)
+
+    def _looser_than(self, before: LimitSettings) -> list[str]:
         known = self._names().values()
         present = {name for names in known for name in names}
         absent = [(name,) for name in before.names if name not in present]
-        return settings.looser(before, [*(known or [()]), *absent])
+        return self.settings.looser(before, [*(known or [()]), *absent])
 
     def _names(self) -> dict[str, tuple[str, ...]]:
         """The names of each device that has limits: its own, and those of its joint."""

@@ -14,8 +14,6 @@ _KINDS: Final = tuple(
     DeviceEvent(f"{kind}: {{who}}", f"{kind}: {{who}}", kind) for kind in ("missing", "unexpected", "of another kind")
 )
 """How devices differ from the expected ones; a bus that is switched on tells them one after the other."""
-LOOSER_SHOWN_S: Final = 600.0
-"""Seconds for which a reload that removed or raised limits is a problem."""
 CallLater = Callable[[float, Callable[[], None]], Callable[[], None]]
 
 
@@ -55,14 +53,16 @@ class ProblemReport(DevicePart):
         if waiting := self._unarmed():
             self._log.warning("%s", waiting)
 
-    def show_looser(self, limits: list[str]) -> None:
-        """Show for a while, and log, which limits were removed or raised, in words: after a reload of the settings."""
-        self._forget_looser()
-        self._looser = f"limits removed or raised by the settings: {'; '.join(limits)}" if limits else ""
+    def show_looser(self, raised: list[str], all_raised: list[str], seconds: float) -> None:
+        """Log which limits a reload of the settings has removed or raised, in words, and show all of the last
+        ``seconds``.
+        """
+        self._looser = _in_words(all_raised)
         self.show()
-        if limits:
-            self._log.warning("%s", self._looser)
-            self._forget_looser = self._call_later(LOOSER_SHOWN_S, lambda: self.show_looser([]))
+        if raised:
+            self._log.warning("%s", _in_words(raised))
+            self._forget_looser()
+            self._forget_looser = self._call_later(seconds, lambda: self.show_looser([], [], seconds))
 
     def show_worker(self, trouble: str) -> None:
         """Show that the worker does not answer, in words; "" when it does."""
@@ -105,3 +105,7 @@ class ProblemReport(DevicePart):
             for device, line in zip(devices, lines, strict=True):
                 if line not in before:
                     self._log.log_event(kind, device)
+
+
+def _in_words(limits: list[str]) -> str:
+    return f"limits removed or raised by the settings: {'; '.join(limits)}" if limits else ""

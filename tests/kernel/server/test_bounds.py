@@ -135,6 +135,31 @@ def test_a_job_that_holds_the_interpreter_gets_an_error_with_its_place(
     assert len(named) == 1 and re.match(r"job \S+ holds the interpreter for more than 0.2 s at ", named[0])
 
 
+@pytest.mark.parametrize("text", ["loop| {};", "loop| {},"])
+def test_many_that_hold_at_once_hold_for_less_and_less(text: str) -> None:
+    """The loop hears all of them at once, and a neighbour last, who has been quiet for as long as they."""
+    many = 12
+
+    async def scene(talk: Talk) -> None:
+        crowd = [talk.kernel.open_lobby("127.0.0.1") for _ in range(many)]
+        neighbour = talk.kernel.open_lobby("127.0.0.1")
+        talk.driver.drive()
+        loop = asyncio.get_running_loop()
+        for lobby in crowd:
+            loop.call_soon(talk.say, text, lobby)
+        loop.call_soon(talk.say, "6 * 7;", neighbour)
+        begun = time.process_time()
+        await asyncio.sleep(0)
+        # All are read after the first hold.
+        assert neighbour.received and time.process_time() - begun < 2 * HOLD
+        assert (await talk.heard(neighbour))[0] == "42"
+        assert time.process_time() - begun < many / 2 * HOLD
+        limits = {line for lobby in crowd for line in await talk.heard(lobby, "held the interpreter")}
+        assert any("more than 0.2 s" in line for line in limits) and any("more than 0.03 s" in line for line in limits)
+
+    played(scene, Bounds(hold_limit=HOLD))
+
+
 def test_the_error_can_be_caught_as_exception_scheduling() -> None:
     async def scene(talk: Talk) -> None:
         text = "try { loop| {} } catch (var e if e.isA(Exception.Scheduling)) { e.message };"

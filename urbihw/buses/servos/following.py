@@ -164,9 +164,13 @@ class ServoFollower:
             self._pace = self._lead = math.inf
             self._prop = None
             self._take_up()
-        if goal is None or self._lead == math.inf:
+        if goal is None:
             return
         error = min(max(goal - place, -self._full), self._full)
+        if self._lead == math.inf:
+            if measured and self._stands:
+                self._bound_carried(error)
+            return
         pull = error - self.speed * self._lag
         if measured:
             self._learn(error, pull, elapsed)
@@ -190,9 +194,14 @@ class ServoFollower:
         elif self._stands and self._slack:
             # A hand holds it, and what it carries, too.
             return
-        elif self._stands and error >= 0:
-            self.carried = min(max(self.carried, 0.0), error)
         elif self._stands:
+            self._bound_carried(error)
+
+    def _bound_carried(self, error: float) -> None:
+        """It stands with this error, so it carries no more than that, and nothing on the other side."""
+        if error >= 0:
+            self.carried = min(max(self.carried, 0.0), error)
+        else:
             self.carried = max(min(self.carried, 0.0), error)
 
     def _is_too_fast(self) -> bool:

@@ -2,8 +2,10 @@
 
 ``drive()`` runs the scheduler until no job is ready, and arms a timer for the next wake-up.  Each source of events (a
 socket, a timer, a post from another thread) calls it directly, so an answer leaves in the iteration of the loop in
-which the question came in.  A run that leaves ready jobs behind is followed by another one only when all sockets have
-been read: the scheduler chooses among all clients that want something, not among those who were heard first.
+which the question came in.  A run that leaves ready jobs behind, or that took long, is followed by another one only
+when all sockets have been read: the scheduler chooses among all clients that want something, not among those who were
+heard first.  Else each of many clients that asyncio has heard at once could hold the interpreter before the others are
+read.
 
 A watchdog thread monitors the scheduler while it is busy (``watchdog``).
 """
@@ -14,7 +16,7 @@ import asyncio
 
 from urbihw.kernel.sched.clock import LedClock, SimClock
 from urbihw.kernel.sched.collector import COLLECTOR
-from urbihw.kernel.sched.scheduler import Scheduler
+from urbihw.kernel.sched.scheduler import MAX_RUN_S, Scheduler
 from urbihw.kernel.server.bounds import NONE, Bounds
 from urbihw.kernel.server.watchdog import Watchdog
 
@@ -30,7 +32,7 @@ class LoopDriver:
         self._timer: asyncio.Handle | None = None
         self._driving = False
         self._reading = False
-        """Whether jobs are left, which are to run when the sockets have been read."""
+        """Whether jobs, if any, are to run only when the sockets have been read."""
         self._closed = False
         self._called = False
         """Whether another thread has requested a drive that has not begun.  A second request would only cost time
@@ -58,6 +60,8 @@ class LoopDriver:
         if self._driving or self._closed or self._reading:
             return
         self._driving = True
+        clock = self.scheduler.clock
+        began = clock.now()
         self._watchdog.begin()
         try:
             if self._memory is not None and self._memory.near:
@@ -72,19 +76,27 @@ class LoopDriver:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
-        if deadline is None or self._closed:
+        if self._closed:
             return
-        clock = self.scheduler.clock
+        if clock.now() - began > MAX_RUN_S:
+            self._drive_after_reading()
+            return
+        if deadline is None:
+            return
         if isinstance(clock, SimClock):
             clock.idle(deadline)
         delay = deadline - clock.now()
         if isinstance(clock, LedClock) and clock.is_led and delay > 0:
             return  # the leader of the clock posts the next step
         if delay <= 0:
-            self._reading = True
-            self._timer = self._loop.call_soon(self._read_sockets)
+            self._drive_after_reading()
         else:
             self._timer = self._loop.call_later(delay, self.drive)
+
+    def _drive_after_reading(self) -> None:
+        """Let asyncio hand out what it has heard, look at all sockets, and hand out that; then drive."""
+        self._reading = True
+        self._timer = self._loop.call_soon(self._read_sockets)
 
     def _read_sockets(self) -> None:
         """Drive after the sockets: asyncio has looked at them, and what it found stands behind this call."""

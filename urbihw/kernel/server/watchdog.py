@@ -52,6 +52,9 @@ GRACE_SHARE: Final = 0.5
 MAX_HOLDS: Final = 3
 HOLD_WINDOW_S: Final = 30.0
 """A connection whose jobs get the error ``MAX_HOLDS`` times in so many seconds has all its jobs ended."""
+SHORTEST_HOLD_S: Final = 0.03
+"""Many connections may each hold the interpreter for the first time: the time is halved for each other connection that
+has got the error in ``HOLD_WINDOW_S``, down to this."""
 SIGNAL_RETRY_S: Final = 0.02
 """Seconds after which a signal without effect is sent again."""
 SIGNAL: Final = signal.SIGURG
@@ -157,7 +160,7 @@ class Watchdog:
             look.interrupted, look.began_busy = now, busy
             self._scheduler.interrupt()
             return
-        limit = self.hold_limit
+        limit = look.limit = look.limit or self._limit_of(self._scheduler.current)
         exceeds = limit > 0 and busy - look.began_busy > limit
         if not look.named and (exceeds or not limit and now - look.interrupted > LOG_HOLD_S):
             look.named = True
@@ -176,12 +179,18 @@ class Watchdog:
             if now - look.broken <= SIGNAL_RETRY_S:
                 return
             harm = _Harm.AGAIN if self._wanted is None else self._wanted[1]
-        elif busy - look.broken_busy > GRACE_SHARE * self.hold_limit:
+        elif busy - look.broken_busy > GRACE_SHARE * look.limit:
             harm = _Harm.HOLDS_ON
         else:
             return
         self._request_break(look, harm)
         look.broken, look.broken_busy = now, busy
+
+    def _limit_of(self, job: Job | None) -> float:
+        """Seconds of processor time that a job may hold the interpreter, 0 for no limit."""
+        own, since = None if job is None else lobby_of(job), time.monotonic() - HOLD_WINDOW_S
+        others = {who for who, when in self._held if who is not own and when >= since}
+        return max(self.hold_limit * 0.5 ** len(others), min(self.hold_limit, SHORTEST_HOLD_S))
 
     def _log_holder(self, seconds: float) -> None:
         """Write the name of the running job to the log, once."""
@@ -243,8 +252,9 @@ class Watchdog:
     def _break_error(self, harm: _Harm, job: Job, frame: FrameType | None) -> BaseException | None:
         """The exception to raise in the job; None for none."""
         if harm is _Harm.HOLDS:
+            limit = self._limit_of(job)
             self._count_hold(job, frame)
-            return HeldTooLong(f"held the interpreter for more than {self.hold_limit:g} s: give way with ';' or sleep")
+            return HeldTooLong(f"held the interpreter for more than {limit:.2g} s: give way with ';' or sleep")
         if harm is _Harm.HOLDS_ON:
             log.warning("job %s is ended: it held the interpreter on", job.name)
             self._write_error(job, f"!!! job {job.name} is ended: it held the interpreter on")
@@ -296,7 +306,7 @@ class _Observation:
     """The state of one run: its count, the time of the first poll that saw it, and the interruptions requested since;
     those ``busy`` are processor times."""
 
-    __slots__ = ("began", "began_busy", "broken", "broken_busy", "count", "interrupted", "named")
+    __slots__ = ("began", "began_busy", "broken", "broken_busy", "count", "interrupted", "limit", "named")
 
     def __init__(self, count: int, began: float) -> None:
         self.count = count
@@ -305,4 +315,5 @@ class _Observation:
         self.began_busy = 0.0
         self.broken = 0.0
         self.broken_busy = 0.0
+        self.limit = 0.0
         self.named = False

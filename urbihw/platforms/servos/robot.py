@@ -494,6 +494,11 @@ class ServoRobot(WiredRobot):
             # Targets may have been on their way.
             self.worker.send(m.Stop(self.motion.epoch, message.value, (message.device,)))
 
+    def on_freed(self) -> None:
+        """See ``RobotHooks``: the torque limits of some servos are efforts, which an emergency stop refuses."""
+        for device in self.devices.values():
+            device.restore_refused()
+
     def on_device_state(self, message: m.DeviceState) -> None:
         """Show the loss and the return of a device; one that was lost before it was found is logged as missing."""
         device = self.devices.get(message.device)
