@@ -2,13 +2,14 @@
 
 Waiting a full time-out for each silent id would take seconds. But an answer carries its sender's id, so it may arrive
 later: each id gets a short slot, long enough for the servo itself (0.5 ms factory return delay), and an answer that an
-adapter delivers later is assigned by its id. One long wait at the end collects the rest, and one more ping: answers come in order, so
-behind the second answer of a device nothing is on its way any more.
+adapter delivers later is assigned by its id. One long wait at the end collects the rest, and one more ping: answers
+come in order, so behind the second answer of a device nothing is on its way any more.
 
 The answers of two devices with the same id collide, or follow each other when their return delays differ. Both leave
 traces (noise, two answers); an id with traces is pinged again, and is a conflict if that happens most of the time. An
 answer that is only late, on a busy computer, leaves traces too: it is cut in two by a time-out, or comes on the next
-ping. So no more answers than pings are no crowd, and a device that cannot be read at once is read again, a little later.
+ping. So no more answers than pings are no crowd, and a device that cannot be read at once is read again, a little
+later.
 """
 
 from __future__ import annotations
