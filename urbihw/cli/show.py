@@ -7,15 +7,19 @@ import math
 import os
 import re
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from urbihw import platforms
 from urbihw.cli.options import CliRefused, complain
 from urbihw.exitcodes import EX_NOINPUT, EX_OK
-from urbihw.recording.reading import Recording, UnreadableRecording, in_order
+from urbihw.kernel.uobject import BadConfig
+from urbihw.recording.reading import NO_SENSE, Recording, UnreadableRecording, in_order
 from urbihw.recording.reasons import DeviceReasons
 from urbihw.recording.showing import KINDS, USUAL, devices_of, line_of, shown_line
 from urbihw.recording.table import write_csv
+from urbihw.recording.topics import SETTINGS
 from urbihw.recording.wire import capture_lines
 
 _SECONDS: Final = re.compile(r"(\d{1,9}(?:\.\d{1,9})?)s?")
@@ -63,7 +67,7 @@ def _run(options: argparse.Namespace) -> int:
         for line in capture_lines(recording):
             print(line)
     elif options.why:
-        reasons = DeviceReasons(options.why)
+        reasons = DeviceReasons(options.why, joint_ids(recording))
         for message in in_order(recording.messages(until=options.at)):
             reasons.hear(message)
         for line in reasons.lines():
@@ -73,6 +77,18 @@ def _run(options: argparse.Namespace) -> int:
     if recording.damage:
         print(f"urbihw show: {options.file}: {recording.damage}", file=sys.stderr)
     return EX_OK
+
+
+def joint_ids(recording: Recording) -> dict[str, str]:
+    """The ids of the joints by their names: those of the platform, and of the settings in the recording."""
+    named: dict[str, object] = {}
+    with suppress(BadConfig):
+        named.update(platforms.find(recording.head.about.get("platform", "")).joints)
+    for message in recording.messages((SETTINGS,)):
+        with suppress(*NO_SENSE):
+            devices = message.content()["settings"]["devices"]
+            named.update({name: row["id"] if isinstance(row, dict) else row for name, row in devices.items()})
+    return {str(name): str(number) for name, number in named.items()}
 
 
 def _show(recording: Recording, options: argparse.Namespace) -> None:
