@@ -32,11 +32,11 @@ def options(parser: argparse.ArgumentParser) -> None:
                         help=f"what to show, may be given several times: all, {', '.join(KINDS)} "
                              f"(default: {', '.join(USUAL)})")
     parser.add_argument("--device", metavar="ID", help="only what is about this device, named as on the wire")
-    parser.add_argument("--from", type=_seconds, default=-math.inf, dest="since", metavar="TIME",
+    parser.add_argument("--from", type=seconds, default=-math.inf, dest="since", metavar="TIME",
                         help="from so many seconds after the beginning")
-    parser.add_argument("--to", type=_seconds, default=math.inf, dest="until", metavar="TIME", help="up to this time")
+    parser.add_argument("--to", type=seconds, default=math.inf, dest="until", metavar="TIME", help="up to this time")
     parser.add_argument("--why", metavar="DEVICE", help="why a device (motor3, or 3) did what it did, see --at")
-    parser.add_argument("--at", type=_seconds, default=math.inf, metavar="TIME",
+    parser.add_argument("--at", type=seconds, default=math.inf, metavar="TIME",
                         help="the moment of --why, in seconds (default: the end)")
     parser.add_argument("--csv", action="store_true", help="print the measured values as CSV, in SI units")
     parser.add_argument("--raw", action="store_true", help="with --csv: the raw counts of every tick instead")
@@ -99,7 +99,7 @@ def _show(recording: Recording, options: argparse.Namespace) -> None:
             print(line_of(message))
 
 
-def _seconds(text: str) -> float:
+def seconds(text: str) -> float:
     found = _SECONDS.fullmatch(text)
     if not found:
         raise argparse.ArgumentTypeError(f"{text!r} is no time in seconds, such as 12.5s")
