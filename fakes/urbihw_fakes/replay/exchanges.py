@@ -74,13 +74,13 @@ class _Answers:
         """The beginning of a packet: times, bytes, and the last request at that time."""
 
     def ask(self, exchanged: Exchanged) -> None:
-        """A request has gone out."""
+        """Take note of a request that has gone out."""
         self._last = exchanged
         for unit in self._framing.units(exchanged.request):
             self._asked[unit] = exchanged
 
     def add(self, piece: Piece) -> None:
-        """Bytes have come."""
+        """Add bytes that have come to what they belong to."""
         assert self._last is not None
         if self._held and piece.time - self._held[0][0] > PATIENCE_S:
             self.flush()

@@ -110,7 +110,7 @@ class _Sweep:
         self._last_wait = _LAST_WAIT
         self._doubtful: set[int] = set()
         self._last = -1
-        """Who is asked once more; -1 if nobody is, or it has answered."""
+        """The device that is asked once more, until it has answered; else -1."""
 
     def run(self, ids: Iterable[int]) -> tuple[dict[int, Status], set[int]]:
         """Return the first answer of each id, and the ids that left traces of trouble."""
