@@ -280,6 +280,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.client",
         "urbihw.client.lines",
         "urbihw.client.values",
+        # The words for a busy computer, which the verdict has, too.
+        "urbihw.buses.pace",
         "urbihw.buses.verdict",
         "urbihw.web",
         "urbihw.recording",

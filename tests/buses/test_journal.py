@@ -44,6 +44,16 @@ def test_a_recorder_hears_what_was_asked_by_whom_and_what_became_of_it(bench: Co
     assert all(before <= each["at"] <= bench.rig.clock.now() for each in said if each["event"] == "Targets")
 
 
+def test_a_recorder_is_told_who_has_moved_what_before(bench: ControlBench) -> None:
+    bench.tell(m.Writers({6: "Lobby_1 (127.0.0.1)"}))
+    bench.run(0.05)
+    caller = bench.call()
+    caller.say("record")
+    bench.run(0.05)
+    (answer,) = [each for each in caller.hear() if each.get("do") == "record"]
+    assert answer["writers"] == {"6": "Lobby_1 (127.0.0.1)"}
+
+
 def test_a_recorder_hears_requests_replies_samples_bytes_and_stops(bench: ControlBench) -> None:
     caller = bench.call()
     caller.say("record")

@@ -21,6 +21,9 @@ MEND = "(stop the daemon, urbihw doctor URL --mend)"
     (replace(SLOW, load=0.93, turnaround=0.0005), "the wire is full (93 %): choose a faster baud rate"),
     (replace(SLOW, held_up=0.23, load=0.93),
      "this computer is busy (no processor for 23 % of the time): end other programs"),
+    (replace(SLOW, turnaround=0.0011, crowd=4.02),
+     "this computer is busy (4.0 programs for each processor): end other programs"),
+    (replace(SLOW, turnaround=0.0005, crowd=0.9), f"shorten the return delay {MEND}"),
     (SLOW, "this computer is too slow for it: watch fewer values"),
 ])  # fmt: skip
 def test_the_first_cause_that_applies_is_told(pace: Pace, cause: str) -> None:

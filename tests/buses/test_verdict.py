@@ -62,6 +62,12 @@ CASES = [
     ),
     (with_bus(rate=50.0), 1, "50 Hz instead of 100"),
     (with_bus(recent_errors={"timeouts": 80}), 1, "80 timeouts on the wire in 60 s"),
+    (
+        with_bus(recent_errors={"timeouts": 900}, crowd=3.2),
+        1,
+        "900 timeouts on the wire in 60 s: this computer is busy (3.2 programs for each processor)",
+    ),
+    (with_bus(recent_errors={"damaged": 900}, crowd=3.2), 2, "900 damaged on the wire in 60 s"),
     (robot(missing=[{"id": 3, "name": "hip", "expected": "AX-12A"}]), 2, "hip (3): missing, expected AX-12A"),
     (robot(unexpected=[{"id": 9, "name": "", "expected": "", "found": "AX-12A"}]), 1, "9: not expected (AX-12A)"),
     (

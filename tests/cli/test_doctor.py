@@ -324,7 +324,8 @@ def served_report(path: Path, events: list[dict[str, object]], **told: object) -
         ("once", 0.1, "ok", ": up to 1 % is normal"),
         ("4 times", 0.1, "note", ": check its cable and supply"),
         ("40 times", 0.1, "bad", ": check its cable and supply"),
-        ("40 times", 9.04, "note", ": this machine is busy (load 9.0 on 2 processors): look again when it is idle"),
+        ("40 times", 9.04, "note",
+         ": this computer is busy (4.5 programs for each processor): look again when it is idle"),
     ],
 )
 def test_missing_answers_are_judged_by_their_share(

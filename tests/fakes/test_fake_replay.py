@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from urbihw_fakes.device import Answer
 from urbihw_fakes.replay import Replay, read_capture
 
@@ -36,8 +34,8 @@ def recorded(*lines: tuple[float, str, bytes]) -> Replay:
 
 
 def told(answers: list[Answer], since: float = 0.0) -> list[tuple[float, bytes]]:
-    """Delays and bytes."""
-    return [(pytest.approx(answer.at - since), answer.data) for answer in answers]
+    """Delays in s, to a microsecond, and bytes."""
+    return [(round(answer.at - since, 6), answer.data) for answer in answers]
 
 
 def test_a_late_answer_is_that_of_its_own_unit() -> None:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import csv
+import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from recording_lab import RecordedWorker, kit_rig, write
 
 from urbihw.buses import messages as m
 from urbihw.cli.main import main
+from urbihw.recording.records import RecordMaker
 
 GOAL = "goal_position"
 Capture = pytest.CaptureFixture[str]
@@ -72,6 +75,33 @@ def test_why_a_device_is_where_it_is(file: Path, capsys: Capture) -> None:
     after = shown(capsys, str(file), "--why", "6", "--at", "1.5s")
     assert len(after) == 2 and "stopped: stop asked by the " in after[1] and "what was asked before is over" in after[1]
     assert shown(capsys, str(file), "--why", "motor99") == ["motor99: nothing was recorded of it until then"]
+
+
+def test_why_knows_who_moved_a_joint_before_the_recording_and_the_names_of_an_arm(
+    tmp_path: Path, capsys: Capture
+) -> None:
+    path, maker = tmp_path / "late.mcap", RecordMaker()
+    answer = {
+        "ok": True, "do": "record", "time": 5.0, "link": True, "estop": "", "epoch": 1,
+        "writers": {"6": "Lobby_1 (127.0.0.1)", "5": "Lobby_2 (127.0.0.1)"},
+    }  # fmt: skip
+    lines: list[dict[str, Any]] = [
+        answer,
+        {"event": "Settings", "settings": {"devices": {"claw": {"id": 5}}}, "at": 5.0},
+        {"event": "Samples", "time": 5.1, "values": {"6": {"present_position": 2000}}, "times": {}, "at": 5.1},
+    ]
+    texts = [json.dumps(line).encode() for line in lines]
+    write(path, texts, "so101")
+    for text in texts:
+        maker.records(text)
+    told = [" ".join(line.split()[1:]) for line in shown(capsys, str(path), "--why", "gripper")]
+    assert told == ["moved last by Lobby_1 (127.0.0.1), before the recording began", "measured present_position 2000"]
+    (line,) = shown(capsys, str(path), "--why", "claw")
+    assert "moved last by Lobby_2 (127.0.0.1)" in line
+    (begun,) = [record for record in maker.beginning if record.topic == "/writers"]
+    assert json.loads(begun.data)["names"] == answer["writers"]
+    maker.records(json.dumps({"event": "Stopped", "devices": [6], "reason": "", "at": 6.0}).encode())
+    assert json.loads(maker.beginning[-1].data)["names"] == {"5": "Lobby_2 (127.0.0.1)"}
 
 
 def test_values_as_a_table(file: Path, capsys: Capture) -> None:

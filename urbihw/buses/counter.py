@@ -49,6 +49,7 @@ class StatisticsCounter:
             wanted=wanted,
             turnaround=driver.turnaround(),
             held_up=min(waited / elapsed, 1.0),
+            crowd=self._processor.crowd(),
         )
         self.restart(now)
         self._errors, self._bytes = errors, total

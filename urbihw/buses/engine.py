@@ -423,6 +423,7 @@ class Engine:
                 told |= self._traffic.fields(self._link.port)
             if command.verb == RECORD:
                 told |= self._journal.fields() | {"wire": not self._driver.logs_in}
+                told["writers"] = {str(device): name for device, name in self._health.writers.items()}
                 command.client.backlog = self._traffic.opening()
             if command.verb in (STATE, HEALTH):
                 told |= self._inventory.state_fields()

@@ -205,6 +205,7 @@ class HealthRecord:
             "mean_rate": round(_mean([each.rate for each in self._seconds]), 2),
             "turnaround": round(_mean([each.turnaround for each in self._seconds]), 6),
             "held_up": round(_mean([each.held_up for each in self._seconds]), 4),
+            "crowd": round(last.crowd, 2),
             "load": round(last.load, 4),
             "late": self._late,
             "late_share": round(late / ticks, 5) if ticks else 0.0,

@@ -456,6 +456,7 @@ class Statistics:
         wanted: ticks per second that the settings ask for.
         turnaround: mean time in s that a device takes to answer, without that of the bytes; 0 if unknown.
         held_up: share of the second in which the worker had something to do and no processor, 0..1.
+        crowd: programs that want each processor of this machine, over the last minute; 0 if unknown.
     """
 
     time: float
@@ -467,6 +468,7 @@ class Statistics:
     wanted: float = 0.0
     turnaround: float = 0.0
     held_up: float = 0.0
+    crowd: float = 0.0
 
     @property
     def late_share(self) -> float:

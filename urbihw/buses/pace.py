@@ -33,6 +33,7 @@ class Pace:
         load: share of the time in which bytes were on the wire, 0..1.
         turnaround: mean time in s that a device takes to answer, without that of the bytes; 0 if unknown.
         held_up: share of the time in which the worker had something to do and no processor, 0..1.
+        crowd: programs that want each processor of this machine; 0 if unknown.
     """
 
     wanted: float
@@ -41,6 +42,7 @@ class Pace:
     load: float = 0.0
     turnaround: float = 0.0
     held_up: float = 0.0
+    crowd: float = 0.0
 
     @property
     def is_kept(self) -> bool:
@@ -60,12 +62,20 @@ class Pace:
             return f"this computer is busy (no processor for {share}): end other programs"
         if self.load > _FULL_WIRE:
             return f"the wire is full ({100 * self.load:.0f} %): choose a faster baud rate"
+        if busy := busy_words(self.crowd):
+            return f"{busy}: end other programs"
         if self.turnaround > _LONGEST_RETURN_DELAY_S:
             return (f"each answer takes {1000 * self.turnaround:.1f} ms: look for a slow adapter (stop the daemon, "
                     "urbihw doctor URL --mend)")
         if self.turnaround > _SLOW_ANSWER_S:
             return "shorten the return delay (stop the daemon, urbihw doctor URL --mend)"
         return "this computer is too slow for it: watch fewer values"
+
+
+def busy_words(crowd: float) -> str:
+    """Return that this computer is busy, if more programs want it than it has processors, else "": then a late answer
+    says nothing about cables, adapters and servos."""
+    return f"this computer is busy ({crowd:.1f} programs for each processor)" if crowd > 1 else ""
 
 
 def _lower_rate(rate: float) -> float:

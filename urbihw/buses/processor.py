@@ -41,6 +41,11 @@ def work_of(process: int | str) -> float | None:
     return _scheduled(process, 0)
 
 
+def crowd() -> float:
+    """Return how many programs want each processor of this machine, over the last minute; above 1 they wait."""
+    return os.getloadavg()[0] / (os.cpu_count() or 1)
+
+
 def _scheduled(process: int | str, column: int) -> float | None:
     try:
         return int(Path(f"/proc/{process}/schedstat").read_text("ascii").split()[column]) * _NS
@@ -71,12 +76,19 @@ class Processor:
         """Return the seconds so far in which the worker had something to do and no processor; None if unknown."""
         return None
 
+    def crowd(self) -> float:
+        """Return how many programs want each processor of this machine; 0 if unknown."""
+        return 0.0
+
 
 class OwnProcessor(Processor):
     """The processor of a worker that has a process of its own; to be made in its main thread."""
 
     def held_up(self) -> float | None:
         return held_up()
+
+    def crowd(self) -> float:
+        return crowd()
 
     def claim(self) -> None:
         """Take real-time scheduling, else a niceness, as far as the system allows it; never raises."""

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from enum import IntEnum
 from typing import Any, Final, NamedTuple
 
-from urbihw.buses.pace import Pace
+from urbihw.buses.pace import Pace, busy_words
 
 LOW_CHARGE: Final = 0.1
 """Share of its charge below which a battery is reported."""
@@ -109,7 +109,7 @@ def _robot(told: Mapping[str, Any]) -> Iterator[Reason]:
 def _bus(bus: Mapping[str, Any]) -> Iterator[Reason]:
     seconds = number_in(bus, "recent_seconds")
     rate, wanted = number_in(bus, "rate"), number_in(bus, "wanted_rate")
-    keys = "wanted_rate", "mean_rate", "late_share", "load", "turnaround", "held_up"
+    keys = "wanted_rate", "mean_rate", "late_share", "load", "turnaround", "held_up", "crowd"
     pace = Pace(*(number_in(bus, key) for key in keys))
     if seconds < SHORTEST_S:
         return
@@ -121,8 +121,10 @@ def _bus(bus: Mapping[str, Any]) -> Iterator[Reason]:
     for kind in errors:
         count = number_in(errors, kind)
         level = error_level(kind, count, wanted * seconds)
+        busy = busy_words(pace.crowd) if kind == "timeouts" else ""
         if level:
-            yield Reason(level, "errors", "", f"{count:.0f} {kind} on the wire in {seconds:.0f} s")
+            text = f"{count:.0f} {kind} on the wire in {seconds:.0f} s"
+            yield Reason(Level.WARNING if busy else level, "errors", "", f"{text}: {busy}" if busy else text)
 
 
 def _inventory(told: Mapping[str, Any]) -> Iterator[Reason]:

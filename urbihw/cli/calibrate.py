@@ -133,8 +133,8 @@ def calibrate(job: VerbJob, names: Mapping[str, int], display: RangeDisplay, typ
     dialogue.say(f"{len(result)} joints in {out}" + (f"; the former file is {kept}" if kept else ""))
     left_out = [joint for joint in work.joints if joint.name not in result]
     if left_out:
-        dialogue.say(f"NOT calibrated: {_what_lacks(left_out)}; the file has nothing of them, and their servos keep the "
-                     "limits that they had")
+        dialogue.say(f"NOT calibrated: {_what_lacks(left_out)}; the file has nothing of them, and their servos keep "
+                     "the limits that they had")
     if not job.options.no_limits:
         _write_all(job, [(servos[name], joint) for name, joint in result.items()])
 

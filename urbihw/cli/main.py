@@ -49,6 +49,7 @@ COMMANDS: Final = {
     "latency": "measure how long the server, a remote UObject and the bus take to answer",
     "record": "record a robot in a file: its wire, values, targets and events",
     "show": "show what happened in a recording, and why",
+    "plot": "draw values of a recording in the terminal",
     "replay": "play the wire of a recording: a robot that answers as the recorded one did",
     "report": "write one file for a bug report, without secrets",
     "trace": "show the traffic of a robot's bus, decoded",

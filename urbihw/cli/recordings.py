@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import sys
 import time
 from collections.abc import Callable, Mapping
@@ -11,10 +12,13 @@ from typing import Final
 
 from urbihw.cli.options import CliRefused
 from urbihw.cli.tracing import platform_of
+from urbihw.control_line import ANSWER_TIMEOUT_S, ControlLine
 from urbihw.daemon.record_feed import SUFFIX as DAEMON_FEED
 from urbihw.exitcodes import EX_CONFIG, EX_UNAVAILABLE
+from urbihw.platforms import folders
 from urbihw.recording.door import DoorTaken, RecorderDoor
-from urbihw.recording.feed import DaemonFeed, LineQueue, SocketFeed, WorkerFeed
+from urbihw.recording.feed import MOST_LINE_BYTES, DaemonFeed, LineQueue, SocketFeed, WorkerFeed
+from urbihw.recording.reading import NO_SENSE
 from urbihw.recording.recording_file import RecordingFile, RecordingRefused
 from urbihw.release import installed_version
 
@@ -46,10 +50,19 @@ def about(platform: str) -> Mapping[str, str]:
 
 def platform_for(control: Path, given: str) -> str:
     """The platform of the robot behind a control socket.  Raises CliRefused if that is not known."""
-    platform = given or platform_of(control)
+    platform = given or platform_of(control) or _told_platform(control)
     if not platform:
         raise CliRefused(f"which robot is behind {control}? Give --platform", EX_CONFIG)
     return platform
+
+
+def _told_platform(control: Path) -> str:
+    """The platform by the settings of the daemon of a control socket; "" if it tells none."""
+    with contextlib.suppress(OSError, *NO_SENSE):
+        with contextlib.closing(ControlLine(control.with_suffix(DAEMON_FEED), MOST_LINE_BYTES)) as line:
+            platform = json.loads(line.next_line(time.monotonic() + ANSWER_TIMEOUT_S))["settings"]["platform"]
+        return platform if isinstance(platform, str) and any(each.name == platform for each in folders()) else ""
+    return ""
 
 
 class RobotFeeds:

@@ -6,7 +6,6 @@ is opened, and its servos are pinged and read; nothing is written.
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,6 +15,8 @@ from typing import Any, Final
 from urbihw import platforms
 from urbihw.buses import ports
 from urbihw.buses.errors import BadFrame, BusTimeout, DeviceRefused
+from urbihw.buses.pace import busy_words
+from urbihw.buses.processor import crowd
 from urbihw.buses.servos import trace, units
 from urbihw.buses.servos.changes import check_alone, find_all
 from urbihw.buses.servos.device import ServoScan
@@ -218,10 +219,8 @@ def _describe(report: BusReport, meter: BusMeter, cycles: float, how: str) -> No
 
 def _silence_hint() -> str:
     """What to do about answers that are missing: on a machine with more work than processors they may only be late."""
-    load, processors = os.getloadavg()[0], os.cpu_count() or 1
-    if load <= processors:
-        return _CABLE
-    return f": this machine is busy (load {load:.1f} on {processors} processors): look again when it is idle"
+    busy = busy_words(crowd())
+    return f": {busy}: look again when it is idle" if busy else _CABLE
 
 
 def _error_findings(meter: BusMeter, cycles: float, lost: Collection[str], retries: int = 0) -> Iterator[ReportLine]:

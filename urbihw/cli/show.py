@@ -7,15 +7,19 @@ import math
 import os
 import re
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from urbihw import platforms
 from urbihw.cli.options import CliRefused, complain
 from urbihw.exitcodes import EX_NOINPUT, EX_OK
-from urbihw.recording.reading import Recording, UnreadableRecording, in_order
+from urbihw.kernel.uobject import BadConfig
+from urbihw.recording.reading import NO_SENSE, Recording, UnreadableRecording, in_order
 from urbihw.recording.reasons import DeviceReasons
 from urbihw.recording.showing import KINDS, USUAL, devices_of, line_of, shown_line
 from urbihw.recording.table import write_csv
+from urbihw.recording.topics import SETTINGS
 from urbihw.recording.wire import capture_lines
 
 _SECONDS: Final = re.compile(r"(\d{1,9}(?:\.\d{1,9})?)s?")
@@ -28,11 +32,11 @@ def options(parser: argparse.ArgumentParser) -> None:
                         help=f"what to show, may be given several times: all, {', '.join(KINDS)} "
                              f"(default: {', '.join(USUAL)})")
     parser.add_argument("--device", metavar="ID", help="only what is about this device, named as on the wire")
-    parser.add_argument("--from", type=_seconds, default=-math.inf, dest="since", metavar="TIME",
+    parser.add_argument("--from", type=seconds, default=-math.inf, dest="since", metavar="TIME",
                         help="from so many seconds after the beginning")
-    parser.add_argument("--to", type=_seconds, default=math.inf, dest="until", metavar="TIME", help="up to this time")
+    parser.add_argument("--to", type=seconds, default=math.inf, dest="until", metavar="TIME", help="up to this time")
     parser.add_argument("--why", metavar="DEVICE", help="why a device (motor3, or 3) did what it did, see --at")
-    parser.add_argument("--at", type=_seconds, default=math.inf, metavar="TIME",
+    parser.add_argument("--at", type=seconds, default=math.inf, metavar="TIME",
                         help="the moment of --why, in seconds (default: the end)")
     parser.add_argument("--csv", action="store_true", help="print the measured values as CSV, in SI units")
     parser.add_argument("--raw", action="store_true", help="with --csv: the raw counts of every tick instead")
@@ -63,7 +67,7 @@ def _run(options: argparse.Namespace) -> int:
         for line in capture_lines(recording):
             print(line)
     elif options.why:
-        reasons = DeviceReasons(options.why)
+        reasons = DeviceReasons(options.why, joint_ids(recording))
         for message in in_order(recording.messages(until=options.at)):
             reasons.hear(message)
         for line in reasons.lines():
@@ -75,6 +79,18 @@ def _run(options: argparse.Namespace) -> int:
     return EX_OK
 
 
+def joint_ids(recording: Recording) -> dict[str, str]:
+    """The ids of the joints by their names: those of the platform, and of the settings in the recording."""
+    named: dict[str, object] = {}
+    with suppress(BadConfig):
+        named.update(platforms.find(recording.head.about.get("platform", "")).joints)
+    for message in recording.messages((SETTINGS,)):
+        with suppress(*NO_SENSE):
+            devices = message.content()["settings"]["devices"]
+            named.update({name: row["id"] if isinstance(row, dict) else row for name, row in devices.items()})
+    return {str(name): str(number) for name, number in named.items()}
+
+
 def _show(recording: Recording, options: argparse.Namespace) -> None:
     chosen = options.kind or USUAL
     topics = () if "all" in chosen else [topic for kind in chosen for topic in KINDS[kind]]
@@ -83,7 +99,7 @@ def _show(recording: Recording, options: argparse.Namespace) -> None:
             print(line_of(message))
 
 
-def _seconds(text: str) -> float:
+def seconds(text: str) -> float:
     found = _SECONDS.fullmatch(text)
     if not found:
         raise argparse.ArgumentTypeError(f"{text!r} is no time in seconds, such as 12.5s")

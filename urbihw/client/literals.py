@@ -40,8 +40,8 @@ KEYWORDS: Final = frozenset(
 )
 """Words that are no names, unless in quotes: those of the section Keywords of the manual's language chapter."""
 SETTLING_PAUSE_S, SETTLING_LOOKS, STANDS = 0.05, 10, 0.002
-"""Seconds between two looks at a device behind the end of its trajectory, how often at most, and by how little its value
-differs when it has followed, in its unit (rad, m): a servo is some hundredths of a second behind."""
+"""Seconds between two looks at a device behind the end of its trajectory, how often at most, and by how little its
+value differs when it has followed, in its unit (rad, m): a servo is some hundredths of a second behind."""
 CONSTANTS: Final = ("nil", "void", "true", "false")
 _ESCAPED: Final = {
     chr(code): f"\\x{code:02x}" for code in range(256) if not 32 <= code < 127

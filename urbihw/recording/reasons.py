@@ -24,11 +24,12 @@ class _Said(NamedTuple):
 class DeviceReasons:
     """Hears a recording up to a moment, and tells of one device.
 
-    A device is named as on the wire (``3``, ``A``), or as a servo in urbiscript, with a number: ``motor3``.
+    A device is named as on the wire (``3``, ``A``), or as a servo in urbiscript, with a number: ``motor3``; ``ids`` are
+    further names of devices and what they are on the wire.
     """
 
-    def __init__(self, device: str) -> None:
-        self._names = {device}
+    def __init__(self, device: str, ids: Mapping[str, str] | None = None) -> None:
+        self._names = {device, *filter(None, [(ids or {}).get(device)])}
         if numbered := _NUMBER.fullmatch(device):
             self._names.add(numbered[1])
         self._device = device
@@ -52,6 +53,8 @@ class DeviceReasons:
             yield f"{self._device}: nothing was recorded of it until then"
             return
         writer = self._words.get("writer")
+        if writer and not self._asked:
+            yield f"{writer.time:10.3f}  moved last by {writer.what}, before the recording began"
         for item, (time, value) in self._asked.items():
             by = f" by {writer.what}" if writer else ""
             yield f"{time:10.3f}  asked for {item} {value}{by}"
@@ -118,6 +121,7 @@ class DeviceReasons:
     def _note_writer(self, names: Mapping[str, str], time: float) -> None:
         for device, name in names.items():
             if device in self._names:
+                self._known = True
                 self._say("writer", time, str(name))
 
     def _say(self, word: str, time: float, what: str) -> None:

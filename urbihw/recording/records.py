@@ -59,12 +59,14 @@ class RecordMaker:
     def __init__(self) -> None:
         self._beginning: dict[str, list[TopicRecord]] = {}
         self._last = 0.0
+        self._writers: dict[str, str] = {}
 
     @property
     def beginning(self) -> list[TopicRecord]:
         """What stands first in a file that begins later: what the worker told of itself, the first bytes of its link,
-        by which a driver found the devices, and the settings."""
-        return [record for records in self._beginning.values() for record in records]
+        by which a driver found the devices, the settings, and who moves which device."""
+        told = [record for records in self._beginning.values() for record in records]
+        return told + self._moved_before()
 
     def records(self, line: bytes) -> list[TopicRecord]:
         """Return the records of a line; one without sense gives an event that says so."""
@@ -93,6 +95,12 @@ class RecordMaker:
             del event["event"]
         if kind == "Samples":
             time = float(event["time"])
+        if kind == "Writers":
+            self._writers |= {str(device): str(name) for device, name in event["names"].items()}
+        elif kind == "Stopped":
+            devices = event.get("devices")
+            gone = self._writers if devices is None else map(str, devices)
+            self._writers = {device: name for device, name in self._writers.items() if device not in {*gone}}
         record = json_record(topic, time, event)
         if kind == "Settings":
             self._beginning["settings"] = [record]
@@ -106,7 +114,12 @@ class RecordMaker:
         state = {"event": "Worker", "up": bool(answer["link"]), "estop": answer["estop"], "epoch": answer["epoch"]}
         self._beginning.pop("opening", None)
         found = self._beginning["worker"] = [json_record(topics.WIRE_STATE, self._last, state | about)]
-        return found
+        self._writers = {str(device): str(name) for device, name in answer.get("writers", {}).items()}
+        return found + self._moved_before()
+
+    def _moved_before(self) -> list[TopicRecord]:
+        """Who moves which device at this moment."""
+        return [json_record(topics.WRITERS, self._last, {"names": self._writers})] if self._writers else []
 
     @staticmethod
     def _log(event: dict[str, Any]) -> TopicRecord:

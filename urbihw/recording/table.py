@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Collection, Iterator
 from typing import TYPE_CHECKING, Final
 
@@ -30,11 +31,7 @@ def write_csv(recording: Recording, wanted: Collection[str], stream: SupportsWri
         columns |= dict.fromkeys(row)
         if len(columns) > MOST_COLUMNS:
             raise UnreadableRecording(f"{recording.path}: has more than {MOST_COLUMNS} values")
-    chosen = [name for name in columns if not wanted or name in wanted or name.partition(".")[0] in wanted]
-    missing = [name for name in wanted if not any(name in (each, each.partition(".")[0]) for each in columns)]
-    if missing:
-        known = ", ".join(columns) or "none"
-        raise UnreadableRecording(f"{recording.path}: has no values of {missing[0]}; it has: {known}")
+    chosen = _chosen(recording, columns, wanted)
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(["time", *chosen])
     count = 0
@@ -45,8 +42,38 @@ def write_csv(recording: Recording, wanted: Collection[str], stream: SupportsWri
     return count
 
 
-def _rows(recording: Recording, topic: str) -> Iterator[tuple[RecordedMessage, dict[str, object]]]:
-    for message in recording.messages((topic,)):
+def curves(
+    recording: Recording, wanted: Collection[str], since: float, until: float, *, raw: bool
+) -> dict[str, list[tuple[float, float]]]:
+    """Return the values between two times in s as curves: times and numbers, by the names of their columns.
+
+    ``wanted`` and ``raw`` as for ``write_csv``.  Raises UnreadableRecording.
+    """
+    found: dict[str, list[tuple[float, float]]] = {}
+    for message, row in _rows(recording, topics.SAMPLES if raw else topics.VALUES, since, until):
+        for name, value in row.items():
+            if isinstance(value, int | float) and (name in wanted or name.partition(".")[0] in wanted):
+                found.setdefault(name, []).append((message.time, float(value)))
+            else:
+                found.setdefault(name, [])
+        if len(found) > MOST_COLUMNS:
+            raise UnreadableRecording(f"{recording.path}: has more than {MOST_COLUMNS} values")
+    return {name: found[name] for name in _chosen(recording, found, wanted)}
+
+
+def _chosen(recording: Recording, columns: Collection[str], wanted: Collection[str]) -> list[str]:
+    """The columns that are wanted.  Raises UnreadableRecording if one of them is not there."""
+    missing = [name for name in wanted if not any(name in (each, each.partition(".")[0]) for each in columns)]
+    if missing:
+        known = ", ".join(columns) or "none"
+        raise UnreadableRecording(f"{recording.path}: has no values of {missing[0]}; it has: {known}")
+    return [name for name in columns if not wanted or name in wanted or name.partition(".")[0] in wanted]
+
+
+def _rows(
+    recording: Recording, topic: str, since: float = -math.inf, until: float = math.inf
+) -> Iterator[tuple[RecordedMessage, dict[str, object]]]:
+    for message in recording.messages((topic,), since, until):
         try:
             values = message.content()["values"]
             row = {

@@ -1,8 +1,8 @@
 """Requests and what came back on them, from a capture; bytes only.
 
-What comes after a request and before the next one is its answer, unless it tells that it is the answer of another unit:
-then it belongs to the last request to that one. So an answer that was late, on a busy computer, stays the late answer of
-its own request, and is not one more answer to the next.
+What comes after a request and before the next one is its answer, unless it tells that it is the answer of another
+unit: then it belongs to the last request to that one. So an answer that was late, on a busy computer, stays the late
+answer of its own request, and is not one more answer to the next.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ PATIENCE_S: Final = 0.5
 class Exchanged:
     """A request, and what came back: pieces with their delays in s from the request.
 
-    `asked_at` is when it was asked, in s of the capture. `gap` is None, or when the adapter was lost afterwards and when
-    it was back, as delays too.
+    `asked_at` is when it was asked, in s of the capture. `gap` is None, or when the adapter was lost afterwards and
+    when it was back, as delays too.
     """
 
     request: bytes
@@ -74,13 +74,13 @@ class _Answers:
         """The beginning of a packet: times, bytes, and the last request at that time."""
 
     def ask(self, exchanged: Exchanged) -> None:
-        """A request has gone out."""
+        """Take note of a request that has gone out."""
         self._last = exchanged
         for unit in self._framing.units(exchanged.request):
             self._asked[unit] = exchanged
 
     def add(self, piece: Piece) -> None:
-        """Bytes have come."""
+        """Add bytes that have come to what they belong to."""
         assert self._last is not None
         if self._held and piece.time - self._held[0][0] > PATIENCE_S:
             self.flush()

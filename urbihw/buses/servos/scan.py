@@ -2,15 +2,18 @@
 
 Waiting a full time-out for each silent id would take seconds. But an answer carries its sender's id, so it may arrive
 later: each id gets a short slot, long enough for the servo itself (0.5 ms factory return delay), and an answer that an
-adapter delivers later is assigned by its id. One long wait at the end collects the rest.
+adapter delivers later is assigned by its id. One long wait at the end collects the rest, and one more ping: answers
+come in order, so behind the second answer of a device nothing is on its way any more.
 
 The answers of two devices with the same id collide, or follow each other when their return delays differ. Both leave
-traces (noise, two answers); an id with traces is pinged again, and is a conflict if that happens most of the time.
+traces (noise, two answers); an id with traces is pinged again, and is a conflict if that happens most of the time. An
+answer that is only late, on a busy computer, leaves traces too: it is cut in two by a time-out, or comes on the next
+ping. So no more answers than pings are no crowd, and a device that cannot be read at once is read again, a little
+later.
 """
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Final
@@ -29,6 +32,8 @@ _SLOT: Final = 0.0009
 _LONGEST_LAST_WAIT: Final = 0.3  # behind answers that came later than that
 _LAST_WAIT: Final = 0.025  # longer than the 16 ms of an FTDI adapter that was not set to low latency
 _CONFLICT_PINGS: Final = 3
+_READ_AGAIN: Final = 3
+"""Attempts to read a device that answers pings."""
 _HEAD_1: Final = 6
 """Bytes from address 0 that tell the maker and the model, where a ping tells neither."""
 
@@ -104,6 +109,8 @@ class _Sweep:
         self._heard: dict[int, Status] = {}
         self._last_wait = _LAST_WAIT
         self._doubtful: set[int] = set()
+        self._last = -1
+        """The device that is asked once more, until it has answered; else -1."""
 
     def run(self, ids: Iterable[int]) -> tuple[dict[int, Status], set[int]]:
         """Return the first answer of each id, and the ids that left traces of trouble."""
@@ -126,8 +133,19 @@ class _Sweep:
             self._doubt_if_noisy(noise + (len(ping) if bus.echo and bus.protocol == 2 else 0), now)
         noise, now = self._decoder.noise, bus.clock.now()
         self._listen(-1, now + self._last_wait)
+        if self._heard:
+            self._collect()
         self._doubt_if_noisy(noise, now)
         return self._heard, self._doubtful
+
+    def _collect(self) -> None:
+        """Listen until a device that was heard has answered once more: then all others have, too."""
+        bus, self._last = self._bus, next(iter(self._heard))
+        ping = packet.ping_packet(bus.protocol, self._last)
+        bus.link.write(ping)
+        if isinstance(self._decoder, packet.Decoder1) and bus.echo:
+            self._decoder.expect_echo(ping)
+        self._listen(-1, bus.clock.now() + _LONGEST_LAST_WAIT)
 
     def _doubt_if_noisy(self, before: int, since: float) -> None:
         """Doubt the ids that may have caused noise since a time: it comes as late as any other answer may."""
@@ -143,6 +161,9 @@ class _Sweep:
             for status in self._decoder.feed(data):
                 if status.device not in self._sent:
                     continue
+                if status.device == self._last:
+                    self._last, answered = -1, True
+                    continue
                 if status.device in self._heard:
                     self._doubtful.add(status.device)
                     continue
@@ -157,47 +178,51 @@ class _Sweep:
 
 def _confirm(bus: ServoBus, heard: dict[int, Status], doubtful: set[int]) -> ServoScan:
     devices: dict[int, ServoDevice] = {}
-    conflicts = []
-    held_up = []
-    for number in sorted({*heard, *doubtful}):
-        if number in doubtful:
-            verdict = _ping_repeatedly(bus, number)
-            if verdict == "crowd":
-                conflicts.append(number)
-            if verdict != "one":
-                continue
-        try:
-            devices[number] = identify(bus, number, heard.get(number))
-        except BusTimeout:
-            held_up.append(number)
-        except BadFrame:
-            conflicts.append(number)
-    held_up += [number for number, device in devices.items() if not device.model]
-    if held_up:
-        # They answered a moment ago: whatever holds up their answers, or those of all, may be over soon.
-        bus.discard_until(bus.clock.now() + _LONGEST_LAST_WAIT)
-        for number in held_up:
-            with contextlib.suppress(BusTimeout, BadFrame):
-                devices[number] = identify(bus, number)
-    return ServoScan(tuple(devices[number] for number in sorted(devices)), tuple(conflicts))
+    crowds = {number: _crowd_at(bus, number) for number in sorted(doubtful)}
+    conflicts = [number for number, crowd in crowds.items() if crowd == "many"]
+    unread = sorted({*heard, *(number for number, crowd in crowds.items() if crowd == "one")} - {*conflicts})
+    damaged: set[int] = set()
+    for attempt in range(_READ_AGAIN):
+        if attempt and unread:
+            # They answered a moment ago: whatever holds up their answers, or those of all, may be over soon.
+            bus.discard_until(bus.clock.now() + _LONGEST_LAST_WAIT)
+        for number in unread:
+            damaged.discard(number)
+            try:
+                devices[number] = identify(bus, number, None if attempt else heard.get(number))
+            except BusTimeout:
+                pass
+            except BadFrame:
+                damaged.add(number)
+        unread = [number for number in unread if number not in devices or not devices[number].model]
+    conflicts += [number for number in sorted(damaged) if _crowd_at(bus, number) == "many"]
+    for number in unread:
+        devices.setdefault(number, ServoDevice(number, 0, 0, bus.protocol_of(number), {"status_return_level": 0}))
+    found = (devices[number] for number in sorted(devices) if number not in conflicts)
+    return ServoScan(tuple(found), tuple(sorted(conflicts)))
 
 
-def _ping_repeatedly(bus: ServoBus, device: int) -> str:
-    """Ping a doubtful id a few times and decode all answers: "none", "one" or "crowd" of devices."""
+def _crowd_at(bus: ServoBus, device: int) -> str:
+    """Ping a doubtful id a few times and decode all answers: "none", "one", or "many" devices; many answer more often
+    than they are asked, or with noise."""
     ping = packet.ping_packet(bus.protocol, device)
-    crowded = silent = 0
-    for _ in range(_CONFLICT_PINGS):
+    bus.discard_until(bus.clock.now() + bus.response_timeout.allowance)
+    # One decoder for all pings: an answer that a time-out has cut in two is whole, and no noise.
+    decoder = packet.decoder(bus.protocol)
+    decoder.max_params = 3
+    noisy = answers = 0
+    for number in range(_CONFLICT_PINGS):
+        noise = decoder.noise
         bus.send(ping)
-        decoder = packet.decoder(bus.protocol)
-        decoder.max_params = 3
-        answers = 0
         deadline = bus.clock.now() + (len(ping) + 2 * 14) * bus.link.byte_time + bus.response_timeout.allowance
         while data := bus.link.read(64, deadline):
             answers += sum(status.device == device for status in decoder.feed(data))
-        decoder.flush()
-        crowded += answers > 1 or decoder.noise > 0
-        silent += not answers and not decoder.noise
-    return "crowd" if 2 * crowded > _CONFLICT_PINGS else "none" if silent == _CONFLICT_PINGS else "one"
+        if number == _CONFLICT_PINGS - 1:
+            answers += sum(status.device == device for status in decoder.flush())
+        noisy += decoder.noise > noise
+    if 2 * (noisy + max(0, answers - _CONFLICT_PINGS)) > _CONFLICT_PINGS:
+        return "many"
+    return "one" if answers or noisy else "none"
 
 
 def identify(bus: ServoBus, number: int, pong: Status | None = None) -> ServoDevice:

@@ -39,7 +39,7 @@ class MissingDevices:
         self._show([*map(float, self._numbers)])
 
     def found(self, number: int) -> None:
-        """It has answered."""
+        """A device has answered for the first time: it is missing no more."""
         if number in self._numbers:
             del self._numbers[number]
             self._show([*map(float, self._numbers)])

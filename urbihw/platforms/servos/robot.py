@@ -223,7 +223,8 @@ class ServoRobot(WiredRobot):
         if not message.wanted:
             return
         second = Pace(
-            message.wanted, message.rate, message.late_share, message.load, message.turnaround, message.held_up
+            message.wanted, message.rate, message.late_share, message.load, message.turnaround, message.held_up,
+            message.crowd,
         )
         if line := self._pace_watch.hear(second):
             self.log.warning("%s", line)
