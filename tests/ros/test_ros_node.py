@@ -109,7 +109,7 @@ def test_wrong_sum_of_a_publisher(
     async def scene(trial: Trial) -> None:
         await trial.node.subscribe("/chatter", STRING, trial.receive)
         (await trial.thread(other.subscriber)).send(b"\xff" * 100)
-        while "has md5 sum 00000000000000000000000000000000, not 992ce8a1" not in caplog.text:
+        while "md5 sum 00000000000000000000000000000000, not 992ce8a1" not in caplog.text:
             await asyncio.sleep(0.01)
         assert trial.got.empty()
 

@@ -35,6 +35,7 @@ COMMANDS: Final = {
     "console": "an interactive console of a server",
     "drive": "drive a robot by the keyboard or a gamepad",
     "panel": "serve the panel for browsers; pair, list and remove browsers",
+    "ros": "serve a robot as a node of ROS: its sensors as topics, and topics that move it",
     "view": "show the simulated world of a robot in a window",
     "film": "make a film of a script in a simulated world",
     "stubs": "write a typed Python module of a robot, for editors",

@@ -39,6 +39,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quiet", action="store_true", default=None, help="no banner for clients")
     parser.add_argument("--web", action="store_true", default=None, help="serve the panel for browsers")
     parser.add_argument("--panel-port", type=port, help="port for browsers (54080)")
+    parser.add_argument("--ros", action="store_const", const="auto", help="serve the robot as a node of ROS")
     parser.add_argument("--config", type=Path, metavar="FILE", help="settings file (TOML)")
 
 

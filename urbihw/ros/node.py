@@ -23,7 +23,7 @@ from urbihw.ros.publications import PeerNews, RosPublication
 from urbihw.ros.rpc import RpcServer, cancel_all
 from urbihw.ros.services import Answering, OfferedService, ServiceCaller
 from urbihw.ros.streams import READ_AHEAD_BYTES, RosStream
-from urbihw.ros.subscriptions import Receiver, RosSubscription, definition_of
+from urbihw.ros.subscriptions import GoneNews, Receiver, RosSubscription, definition_of
 
 log = logging.getLogger("urbihw.ros")
 
@@ -117,8 +117,14 @@ class RosNode:
             found.close()
             await self._withdraw("publish", found.topic)
 
-    async def subscribe(self, topic: str, kind: str, receive: Receiver) -> RosSubscription:
-        """Follow a topic; ``kind`` "" for the type that the master knows.  Raises RosError."""
+    async def subscribe(
+        self, topic: str, kind: str, receive: Receiver, gone: GoneNews = lambda node: None, fresh_only: bool = False
+    ) -> RosSubscription:
+        """Follow a topic; ``kind`` "" for the type that the master knows.  Raises RosError.
+
+        ``gone`` gets the name of a publisher whose connection has ended; with ``fresh_only``, what a publisher had
+        latched before this node came is dropped.
+        """
         topic = checked_name(topic)
         if topic in self._subscriptions:
             raise RosError(f"this node has subscribed to {topic} already")
@@ -126,12 +132,13 @@ class RosNode:
         kind = kind or await self.master.topic_type(topic)
         if not kind:
             raise RosError(f"topic {topic} is not known: no node has told its type")
-        made = RosSubscription(topic, await self._type_of_topic(topic, kind), self.name, receive)
+        known = await self._type_of_topic(topic, kind)
+        made = RosSubscription(topic, known, self.name, receive, gone, fresh_only)
         self._subscriptions[topic] = made
         try:
             made.follow(await self._register("subscribe", topic, Registration(
                 "registerSubscriber", (topic, kind, self._rpc.uri), "unregisterSubscriber", (topic, self._rpc.uri)
-            )))  # fmt: skip
+            )), old=True)  # fmt: skip
         except BaseException:
             del self._subscriptions[topic]
             raise
@@ -242,7 +249,7 @@ class RosNode:
         for (what, name), each in [*self._registrations.items()]:
             answer = await self.master.ask(each.tell, *each.told)
             if what == "subscribe" and name in self._subscriptions:
-                self._subscriptions[name].follow(map(str, answer))
+                self._subscriptions[name].follow(map(str, answer), old=True)
 
     # ---------------------------------------------------------------- what others ask
 
