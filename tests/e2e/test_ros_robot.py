@@ -86,20 +86,18 @@ def test_publisher_drives_the_body(
         daemon = serve("--url", end.url)
         client = daemon.client()
         motors_on(client)
-        until(lambda: "/cmd_vel" in daemon.log() or "node /urbihw_" in daemon.log(), log=daemon.log)
+        until(lambda: "node /urbihw_" in daemon.log(), log=daemon.log)
         _look_at_topics(node("/viewer"), master)
         teleop = Teleop(node("/teleop"), 0.2, 0.3)
         until(lambda: kit.body.moving)
         until(lambda: float(client.ask("robot.position[\"theta\"];")) > 0.1)
-        assert "tag ros_teleop" in client.ask("P3dx.body.x.why;")
         # Silence, with a connection that stays.
         teleop.fall_silent()
-        silent = time.monotonic()
         until(lambda: not kit.body.moving)
-        assert time.monotonic() - silent < 2.5
-        # Another one, killed; beside an endless loop in a window.
+        # Another one, killed while a window holds the interpreter.
         second = Teleop(node("/second"), 0.2, 0.0)
         until(lambda: kit.body.moving)
+        daemon.client().say("loop|{};")
         second.die()
         until(lambda: not kit.body.moving)
         # The emergency stop, and the reason why an order is not carried out.

@@ -129,13 +129,18 @@ class MovingPublisher:
 
 
 class MovingPublishers:
-    """All publishers that move the robot.  ``problem`` is why the last order was not carried out, "" for none."""
+    """All publishers that move the robot."""
 
     def __init__(self, connect: Connect) -> None:
-        self.problem = ""
         self._connect = connect
         self._publishers: dict[str, MovingPublisher] = {}
+        self._problems: dict[str, str] = {}
         self._log = LimitedLog(log)
+
+    @property
+    def problem(self) -> str:
+        """Why the last order of each publisher was not carried out, "" if all were."""
+        return "; ".join(f"{publisher}: {why}" for publisher, why in self._problems.items())
 
     def drive(self, publisher: str, message: Mapping[str, Any]) -> None:
         """An order of /cmd_vel, a geometry_msgs/Twist."""
@@ -156,6 +161,7 @@ class MovingPublishers:
 
     async def gone(self, publisher: str) -> None:
         """A publisher has gone: what it moves stops."""
+        self._problems.pop(publisher, None)
         found = self._publishers.pop(publisher, None)
         if found is not None:
             await found.close()
@@ -176,9 +182,12 @@ class MovingPublishers:
         act(found)
 
     def _refuse(self, publisher: str, why: str) -> None:
-        self.problem = f"{publisher}: {why}" if why else ""
-        if why:
-            self._log.say((publisher, why), "%s: %s", publisher[:80], why)
+        if not why:
+            self._problems.pop(publisher, None)
+            return
+        if len(self._problems) < 2 * MAX_PUBLISHERS:
+            self._problems[publisher] = why
+        self._log.say((publisher, why), "%s: %s", publisher[:80], why)
 
 
 def _line(error: Exception) -> str:
