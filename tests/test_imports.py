@@ -273,6 +273,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.buses.verdict",
         "urbihw.web",
         "urbihw.recording",
+        "urbihw.ros",
         "urbihw.ros.robot",
         "urbihw.ros.script",
     ),

@@ -262,6 +262,25 @@ def test_nobody_else_gets_anything(types: MessageTypes, master: RosMasterFake, o
     play(types, master, scene)
 
 
+BODY = (
+    b"<methodCall><methodName>publisherUpdate</methodName><params><param><value>/m</value></param><param><value>/talk"
+    b"</value></param><param><value><array><data/></array></value></param></params></methodCall>"
+)
+
+
+@pytest.mark.parametrize(("fields", "taken"), [
+    (b"Content-Type: text/xml\r\n", True), (b"Content-Type: text/plain\r\n", False), (b"", False),
+    (b"Content-Type: text/xml\r\nOrigin: http://evil.example\r\n", False),
+])  # fmt: skip
+def test_web_page_reaches_nothing(types: MessageTypes, master: RosMasterFake, fields: bytes, taken: bool) -> None:
+    async def scene(trial: Trial) -> None:
+        request = b"POST / HTTP/1.1\r\n%sContent-Length: %d\r\n\r\n" % (fields, len(BODY))
+        answer = await trial.thread(_spoken, trial.node._rpc.uri, request + BODY)
+        assert answer.startswith(b"HTTP/1.1 200 OK") is taken
+
+    play(types, master, scene)
+
+
 def _spoken(uri: str, data: bytes) -> bytes:
     """What is answered to some bytes until the end."""
     host, port = uri.removeprefix("http://").strip("/").split(":")
