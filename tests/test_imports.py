@@ -288,6 +288,9 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.figure",
         "urbihw.fleets",
         "urbihw.fleets.names",
+        "urbihw.ros",
+        "urbihw.ros.robot",
+        "urbihw.ros.script",
     ),
     # A client of the server and of the bus worker: never of the kernel or a platform.  It uses the daemon's state
     # folder.
@@ -310,6 +313,11 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     ),  # fmt: skip
     # A node of ROS: never of the kernel, so that it can be a process of its own.
     "urbihw.ros": ("urbihw.backoff", "urbihw.repeats"),
+    # A robot as a node: a client of the server and of the bus worker.
+    "urbihw.ros.robot": (
+        "urbihw.ros", "urbihw.client", "urbihw.client.lines", "urbihw.buses.verdict", "urbihw.daemon", "urbihw.backoff",
+        "urbihw.repeats",
+    ),  # fmt: skip
     # Ros of urbiscript: the kernel's end of that process.
     "urbihw.ros.script": ("urbihw.ros", "urbihw.kernel.library", "urbihw.extras"),
     # How a server is reached.  What it says is read in one place, for commands and for devices in another process.

@@ -75,6 +75,11 @@ class RosMasterFake:
         """End, with all that it knows."""
         self._rpc.close()
 
+    def topics_of(self, node: str) -> set[str]:
+        """The topics that a node publishes."""
+        with self._lock:
+            return {topic for topic, nodes in self._publishers.items() if node in nodes}
+
     def _counted(self, name: str) -> Callable[..., Any]:
         def call(*params: Any) -> Any:
             with self._lock:

@@ -96,7 +96,7 @@ def test_subscription(types: MessageTypes, master: RosMasterFake, other: RosNode
         await trial.got.get()
         await trial.node.unsubscribe("/chatter")
         state = await trial.node.state()
-        assert state.publishers == {"/chatter": ["/other"]} and state.subscribers == {}
+        assert state.publishers == {"/chatter": ["/other"], "/rosout": ["/ours"]} and state.subscribers == {}
 
     play(types, master, scene)
 
@@ -109,7 +109,7 @@ def test_wrong_sum_of_a_publisher(
     async def scene(trial: Trial) -> None:
         await trial.node.subscribe("/chatter", STRING, trial.receive)
         (await trial.thread(other.subscriber)).send(b"\xff" * 100)
-        while "has md5 sum 00000000000000000000000000000000, not 992ce8a1" not in caplog.text:
+        while "md5 sum 00000000000000000000000000000000, not 992ce8a1" not in caplog.text:
             await asyncio.sleep(0.01)
         assert trial.got.empty()
 
@@ -233,9 +233,9 @@ def test_master_that_is_started_anew(
             await trial.node.state()
         again = RosMasterFake(master.port)
         try:
-            while "registerPublisher" not in again.calls:
+            while again.calls.count("registerPublisher") < 2:
                 await asyncio.sleep(0.01)
-            assert (await trial.node.state()).publishers == {"/talk": ["/ours"]}
+            assert (await trial.node.state()).publishers == {"/talk": ["/ours"], "/rosout": ["/ours"]}
         finally:
             await trial.thread(again.close)
 
@@ -258,6 +258,25 @@ def test_nobody_else_gets_anything(types: MessageTypes, master: RosMasterFake, o
         made.publish(HI)
         assert await trial.thread(peer.receive, 10) == b"\x06\0\0\0" + HI
         peer.close()
+
+    play(types, master, scene)
+
+
+BODY = (
+    b"<methodCall><methodName>publisherUpdate</methodName><params><param><value>/m</value></param><param><value>/talk"
+    b"</value></param><param><value><array><data/></array></value></param></params></methodCall>"
+)
+
+
+@pytest.mark.parametrize(("fields", "taken"), [
+    (b"Content-Type: text/xml\r\n", True), (b"Content-Type: text/plain\r\n", False), (b"", False),
+    (b"Content-Type: text/xml\r\nOrigin: http://evil.example\r\n", False),
+])  # fmt: skip
+def test_web_page_reaches_nothing(types: MessageTypes, master: RosMasterFake, fields: bytes, taken: bool) -> None:
+    async def scene(trial: Trial) -> None:
+        request = b"POST / HTTP/1.1\r\n%sContent-Length: %d\r\n\r\n" % (fields, len(BODY))
+        answer = await trial.thread(_spoken, trial.node._rpc.uri, request + BODY)
+        assert answer.startswith(b"HTTP/1.1 200 OK") is taken
 
     play(types, master, scene)
 

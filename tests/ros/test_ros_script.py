@@ -114,6 +114,7 @@ def test_graph(stage: Stage, other: RosNodeFake) -> None:
     assert stage.say('Ros.nodes["/other"]["publish"]; Ros.topics["/chatter"]') == [
         '["/chatter"]', '["publishers" => ["/other"], "subscribers" => [], "type" => "std_msgs/String"]',
     ]  # fmt: skip
+    assert stage.say("Ros.nodes.keys.has(Ros.name); Ros.nodes[Ros.name][\"publish\"]") == ["true", '["/rosout"]']
     (name,) = stage.say("Ros.name")
     assert re.fullmatch(r'"/urbi_\d{19}"', name)
 

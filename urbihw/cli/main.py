@@ -38,6 +38,7 @@ COMMANDS: Final = {
     "panel": "serve the panel for browsers; pair, list and remove browsers",
     "mcp": "serve a robot to an assistant (MCP)",
     "fleet": "robots that are joined in a fleet: list, watch, call, stop all",
+    "ros": "serve a robot as a node of ROS: its sensors as topics, and topics that move it",
     "view": "show the simulated world of a robot in a window",
     "film": "make a film of a script in a simulated world",
     "stubs": "write a typed Python module of a robot, for editors",

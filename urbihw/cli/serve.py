@@ -41,6 +41,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--panel-port", type=port, help="port for browsers (54080)")
     parser.add_argument("--fleet", metavar="NAME", help="join this fleet of robots")
     parser.add_argument("--name", help="name of the robot in its fleet (that of the host)")
+    parser.add_argument("--ros", action="store_const", const="auto", help="serve the robot as a node of ROS")
     parser.add_argument("--config", type=Path, metavar="FILE", help="settings file (TOML)")
 
 

@@ -7,6 +7,6 @@ simulated robot), ``holders`` (the process that has the port or the device open)
 The service manager and the system: ``activation``, ``units``, ``journal``, ``timeouts``, ``runtime`` and
 ``dead_sockets`` (sockets), ``state`` with ``secrets`` and ``tls`` (what is kept), ``files`` and ``schema`` (of the
 settings). For those who watch: ``observers``, ``control_client``, ``metrics`` with ``metrics_text``, ``panel``,
-``flight`` and ``fleet`` (children of the daemon, by ``kept_child``, which live by ``kept_work``), ``record_feed`` (for
-recorders), ``announce``.
+``flight``, ``fleet`` and ``ros`` (children of the daemon, by ``kept_child``, which live by ``kept_work``),
+``record_feed`` (for recorders), ``announce``.
 """

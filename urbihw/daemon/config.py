@@ -112,6 +112,7 @@ class Config(SettingsTable):
         control: path of the control socket of the bus worker; empty for ``control_path()``, "off" for none.
         metrics: address and port of this machine for ``/metrics``, such as ``127.0.0.1:9100``; empty for none.
         web: serve the panel for browsers, in a process of its own.
+        ros: "auto" serves the robot as a node of ROS, in a process of its own; "off" does not.
         flight: seconds that the flight recorder keeps in memory, in a process of its own; 0 for no flight recorder.
         panel_host: the address on which browsers are served; others than this machine get TLS.
         panel_port: the port on which browsers are served.
@@ -152,6 +153,7 @@ class Config(SettingsTable):
     control: str = setting("", TEXT)
     metrics: str = setting("", METRICS)
     web: bool = setting(False, SWITCH)
+    ros: str = setting("off", choice("off", "auto"))
     flight: float = setting(0.0, number(0, 3600, " s"))
     panel_host: str = setting("127.0.0.1", TEXT)
     panel_port: int = setting(54080, whole(1, 65535))
@@ -188,6 +190,9 @@ class Config(SettingsTable):
                 yield Mistake("metrics", str(error))
         if self.web and self.socket == "off" and not is_loopback(self.host):
             yield Mistake("web", "the panel needs the UNIX socket, since others than this machine reach host; leave "
+                          "socket out")
+        if self.ros != "off" and self.socket == "off" and not is_loopback(self.host):
+            yield Mistake("ros", "the node needs the UNIX socket, since others than this machine reach host; leave "
                           "socket out")
         if not self.panel_host.isprintable() or not self.panel_host or " " in self.panel_host:
             yield Mistake("panel_host", f"wants an address, such as 127.0.0.1 or 0.0.0.0, not {self.panel_host!r}")

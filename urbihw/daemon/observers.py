@@ -1,5 +1,5 @@
 """What a daemon offers to those who watch it: metrics, the panel for browsers, the flight recorder, the bridge to a
-fleet, the announcement in the network.
+fleet, the node of ROS, the announcement in the network.
 
 ``bind`` comes before the robot is opened, so that a mistake ends the start; ``start`` when clients can connect.
 """
@@ -17,6 +17,7 @@ from urbihw.daemon.flight import FAREWELL, check_flight, flight_command
 from urbihw.daemon.kept_child import KeptChild
 from urbihw.daemon.metrics import MetricsServer, parse_address
 from urbihw.daemon.panel import check_panel, panel_command
+from urbihw.daemon.ros import check_ros, ros_command
 from urbihw.extras import install_command
 from urbihw.kernel.uobject import BadConfig
 
@@ -48,6 +49,8 @@ class Observers:
             check_flight()
         if config.fleet:
             check_fleet()
+        if config.ros != "off":
+            check_ros()
         if not config.announce:
             return
         try:
@@ -60,7 +63,7 @@ class Observers:
             raise BadConfig(f"announce: the addresses of this machine are not known: {error.strerror}") from error
 
     def start(self, control: str, server: str) -> None:
-        """Serve the metrics of the worker at a control socket, and a panel for the server at an address or path;
+        """Serve the metrics of the worker at a control socket, a panel and a node for the server at an address or path;
         announce the port."""
         if self._config.web:
             command = panel_command(self._config, server, control)
@@ -72,6 +75,9 @@ class Observers:
         if self._config.fleet:
             command = fleet_command(self._config, server, control)
             self._children.append(KeptChild(command, "bridge to the fleet", "what others move through it ends"))
+        if self._config.ros != "off":
+            command = ros_command(self._config, server, control)
+            self._children.append(KeptChild(command, "ROS node", "what its publishers move ends"))
         for child in self._children:
             child.start()
         if self._metrics is not None:

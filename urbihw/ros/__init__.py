@@ -6,7 +6,7 @@ HTTP, both ends), ``master`` (what the master is asked), ``streams`` (TCPROS con
 ``subscriptions``, ``services``, and ``node``, which holds them together and comes back after the master was lost.
 
 ``worker`` is the process that has a node and obeys the ``orders`` of a kernel through a socket; ``urbihw.ros.script``,
-``Ros`` of urbiscript, is the kernel's end of it.
+``Ros`` of urbiscript, is the kernel's end of it.  ``urbihw.ros.robot`` makes a robot of ours a node.
 
 Everything that comes from the network is untrusted: sizes are bounded before memory is taken, each connection has a
 time-out, and what a peer does not read is dropped.  A node listens on the loopback interface unless ``ROS_IP`` or

@@ -23,13 +23,14 @@ from urbihw.ros.publications import PeerNews, RosPublication
 from urbihw.ros.rpc import RpcServer, cancel_all
 from urbihw.ros.services import Answering, OfferedService, ServiceCaller
 from urbihw.ros.streams import READ_AHEAD_BYTES, RosStream
-from urbihw.ros.subscriptions import Receiver, RosSubscription, definition_of
+from urbihw.ros.subscriptions import GoneNews, Receiver, RosSubscription, definition_of
 
 log = logging.getLogger("urbihw.ros")
 
 WATCH_PERIOD_S: Final = 2.0
 """Seconds between two looks whether the master still knows this node."""
 FAREWELL_TIMEOUT_S: Final = 2.0
+ROSOUT: Final = "/rosout"
 MAX_STREAMS: Final = 256
 MAX_TOPICS: Final = 512
 
@@ -62,6 +63,7 @@ class RosNode:
         self._services: dict[str, OfferedService] = {}
         self._registrations: dict[tuple[str, str], Registration] = {}
         self._watch: asyncio.Task[None] | None = None
+        self._looked = asyncio.Event()
         self._log = LimitedLog(log)
 
     async def start(self) -> None:
@@ -69,6 +71,10 @@ class RosNode:
         await self._rpc.start(self._host)
         self._server = await asyncio.start_server(self._accept, self._host, 0, limit=READ_AHEAD_BYTES)
         self._port = self._server.sockets[0].getsockname()[1]
+        # Only nodes with a topic are in the graph; all have this one, for their log.
+        log_kind = self.types.find("rosgraph_msgs/Log")
+        self._publications[ROSOUT] = RosPublication(ROSOUT, log_kind, False, lambda node, here: None)
+        self._registrations["publish", ROSOUT] = self._publishing(ROSOUT, log_kind.name)
         self._watch = asyncio.get_running_loop().create_task(self._keep_registered())
 
     async def close(self) -> None:
@@ -102,13 +108,15 @@ class RosNode:
         made = RosPublication(topic, self.types.find(kind), latch, on_peer)
         self._publications[topic] = made
         try:
-            await self._register("publish", topic, Registration(
-                "registerPublisher", (topic, kind, self._rpc.uri), "unregisterPublisher", (topic, self._rpc.uri)
-            ))  # fmt: skip
+            await self._register("publish", topic, self._publishing(topic, kind))
         except BaseException:
             del self._publications[topic]
             raise
         return made
+
+    def _publishing(self, topic: str, kind: str) -> Registration:
+        uri = self._rpc.uri
+        return Registration("registerPublisher", (topic, kind, uri), "unregisterPublisher", (topic, uri))
 
     async def unpublish(self, topic: str) -> None:
         """End a topic that this node publishes."""
@@ -117,8 +125,14 @@ class RosNode:
             found.close()
             await self._withdraw("publish", found.topic)
 
-    async def subscribe(self, topic: str, kind: str, receive: Receiver) -> RosSubscription:
-        """Follow a topic; ``kind`` "" for the type that the master knows.  Raises RosError."""
+    async def subscribe(
+        self, topic: str, kind: str, receive: Receiver, gone: GoneNews = lambda node: None, fresh_only: bool = False
+    ) -> RosSubscription:
+        """Follow a topic; ``kind`` "" for the type that the master knows.  Raises RosError.
+
+        ``gone`` gets the name of a publisher whose connection has ended; with ``fresh_only``, what a publisher had
+        latched before this node came is dropped.
+        """
         topic = checked_name(topic)
         if topic in self._subscriptions:
             raise RosError(f"this node has subscribed to {topic} already")
@@ -126,12 +140,13 @@ class RosNode:
         kind = kind or await self.master.topic_type(topic)
         if not kind:
             raise RosError(f"topic {topic} is not known: no node has told its type")
-        made = RosSubscription(topic, await self._type_of_topic(topic, kind), self.name, receive)
+        known = await self._type_of_topic(topic, kind)
+        made = RosSubscription(topic, known, self.name, receive, gone, fresh_only)
         self._subscriptions[topic] = made
         try:
             made.follow(await self._register("subscribe", topic, Registration(
                 "registerSubscriber", (topic, kind, self._rpc.uri), "unregisterSubscriber", (topic, self._rpc.uri)
-            )))  # fmt: skip
+            )), old=True)  # fmt: skip
         except BaseException:
             del self._subscriptions[topic]
             raise
@@ -206,7 +221,8 @@ class RosNode:
     # ---------------------------------------------------------------- the master
 
     async def state(self) -> GraphState:
-        """The graph as it is now."""
+        """The graph as it is now, with this node in it."""
+        await self._looked.wait()
         return await self.master.state()
 
     async def _register(self, what: str, name: str, registration: Registration) -> Any:
@@ -227,22 +243,23 @@ class RosNode:
         while True:
             try:
                 pid = await self.master.ask("getPid")
-                if known is not None and pid != known:
+                if pid != known:
                     await self._register_all()
                 if lost:
                     log.warning("the ROS master answers again")
                 known, lost = pid, False
             except RosError as error:
-                if not lost and self._registrations:
+                if known is not None and not lost:
                     log.warning("%s", error)
-                lost = True
+                    lost = True
+            self._looked.set()
             await asyncio.sleep(WATCH_PERIOD_S)
 
     async def _register_all(self) -> None:
         for (what, name), each in [*self._registrations.items()]:
             answer = await self.master.ask(each.tell, *each.told)
             if what == "subscribe" and name in self._subscriptions:
-                self._subscriptions[name].follow(map(str, answer))
+                self._subscriptions[name].follow(map(str, answer), old=True)
 
     # ---------------------------------------------------------------- what others ask
 

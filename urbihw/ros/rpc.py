@@ -124,6 +124,9 @@ class RpcServer:
             while again:
                 async with asyncio.timeout(IDLE_TIMEOUT_S):
                     first, fields = await _read_head(reader)
+                    # A web page can make a browser send anything else to a port of this machine.
+                    if fields.get("content-type", "").partition(";")[0] != "text/xml" or "origin" in fields:
+                        raise PeerError("a request that is not one of ROS")
                     params, method = _loads(await _read_body(reader, fields))
                     answer = xmlrpc.client.dumps((self._answer(method or "", [*params]),), methodresponse=True).encode()
                     again = first.endswith("HTTP/1.1") and fields.get("connection", "").lower() != "close"

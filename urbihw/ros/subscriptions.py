@@ -22,67 +22,74 @@ FIRST_PAUSE_S: Final = 0.2
 MAX_PAUSE_S: Final = 5.0
 MAX_PUBLISHERS: Final = 64
 Receiver = Callable[[bytes, str], None]
-"""Is told the bytes of a message and the node that has sent it."""
+"""Gets the bytes of a message and the node that has sent it."""
+GoneNews = Callable[[str], None]
+"""Gets the node whose connection has ended."""
 
 
 class RosSubscription:
-    """A topic with its type.  ``publishers`` are the nodes that are connected, by their addresses."""
+    """A topic with its type.
 
-    def __init__(self, topic: str, kind: MessageType, node: str, receive: Receiver) -> None:
+    Attributes:
+        publishers: the nodes that are connected, by their addresses.
+    """
+
+    def __init__(
+        self, topic: str, kind: MessageType, node: str, receive: Receiver, gone: GoneNews, fresh_only: bool
+    ) -> None:
+        """``fresh_only``: a latched message of a publisher that was there before is dropped, since it is old."""
         self.topic, self.kind = topic, kind
-        self.receive = receive
+        self._receive, self._gone, self._fresh_only = receive, gone, fresh_only
         self.publishers: dict[str, str] = {}
         self._node = node
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._log = LimitedLog(log)
 
-    def follow(self, uris: Iterable[str]) -> None:
-        """Connect to these publishers, and leave all others."""
+    def follow(self, uris: Iterable[str], old: bool = False) -> None:
+        """Connect to these publishers, which were there before us if ``old``, and leave all others."""
         wanted = dict.fromkeys([*uris][:MAX_PUBLISHERS])
         for uri in [uri for uri in self._tasks if uri not in wanted]:
             self._tasks.pop(uri).cancel()
         for uri in wanted:
             if uri not in self._tasks:
-                self._tasks[uri] = asyncio.get_running_loop().create_task(self._keep(uri))
+                self._tasks[uri] = asyncio.get_running_loop().create_task(self._keep(uri, old))
 
     async def close(self) -> None:
         """Leave all publishers, for good."""
         tasks, self._tasks = {*self._tasks.values()}, {}
         await cancel_all(tasks)
 
-    async def _keep(self, uri: str) -> None:
+    async def _keep(self, uri: str, old: bool) -> None:
         """Receive from a publisher, again after each end.  One that has died without a word stays listed."""
         pauses = BackOff(FIRST_PAUSE_S, MAX_PAUSE_S)
         while True:
             try:
-                await self._receive_all(uri, pauses)
+                await self._receive_all(uri, pauses, old)
             except RosError as error:
                 self._log.say(uri, "%s: publisher at %s: %s", self.topic, uri, error)
             except (OSError, EOFError) as error:
                 log.debug("%s: publisher at %s has gone: %s", self.topic, uri, error)
-            self.publishers.pop(uri, None)
             await asyncio.sleep(pauses.next_pause())
+            # What it has sent last comes again with the next connection, if it is latched.
+            old = True
 
-    async def _receive_all(self, uri: str, pauses: BackOff) -> None:
-        stream, name = await dial_topic(uri, self.topic, self.kind.name, self.kind.md5, self._node, self.kind)
+    async def _receive_all(self, uri: str, pauses: BackOff, old: bool) -> None:
+        kind = self.kind
+        stream, fields = await _greeted(uri, self.topic, kind.name, kind.md5, self._node)
+        name = fields.get("callerid", "")[:256]
         try:
+            if fields.get("md5sum", kind.md5) not in ("*", kind.md5):
+                raise PeerError(f"md5 sum {fields['md5sum']}, not {kind.md5}: another version of {kind.name}")
             self.publishers[uri] = name
             pauses.reset()
+            if old and self._fresh_only and fields.get("latching") == "1":
+                await stream.receive()
             while True:
-                self.receive(await stream.receive(), name)
+                self._receive(await stream.receive(), name)
         finally:
             stream.close()
-
-
-async def dial_topic(
-    uri: str, topic: str, kind: str, md5: str, node: str, known: MessageType | None = None
-) -> tuple[RosStream, str]:
-    """Connect to a publisher; the stream of its messages, and its name.  Raises RosError."""
-    stream, fields = await _greeted(uri, topic, kind, md5, node)
-    if known is not None and fields.get("md5sum", known.md5) not in ("*", known.md5):
-        stream.close()
-        raise PeerError(f"{topic} has md5 sum {fields['md5sum']}, not {known.md5}: another version of {kind}")
-    return stream, fields.get("callerid", "")[:256]
+            if self.publishers.pop(uri, None) is not None:
+                self._gone(name)
 
 
 async def definition_of(uri: str, topic: str, kind: str, node: str) -> tuple[str, str]:
