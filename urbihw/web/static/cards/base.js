@@ -171,7 +171,7 @@ function useNewest(slots, hz = 10) {
 }
 
 /** Points of a scan in the frame of the robot: [x, y] in m. */
-function pointsOf(ranges, from, to) {
+export function pointsOf(ranges, from, to) {
   if (!Array.isArray(ranges) || typeof from !== "number" || typeof to !== "number" || ranges.length < 2) return [];
   const step = (to - from) / (ranges.length - 1);
   return ranges.flatMap((range, index) => (typeof range === "number" && Number.isFinite(range)
@@ -244,10 +244,10 @@ function useWalls(planner) {
 }
 
 /** Where the robot was since the map was first shown, [x, y] in m. */
-const trail = [];
+export const trail = [];
 let isTrailing = false;
 
-function beginTrail() {
+export function beginTrail() {
   if (isTrailing) return;
   isTrailing = true;
   hearSamples("robot.position", 10, (pose) => {

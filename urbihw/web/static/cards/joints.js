@@ -8,7 +8,7 @@ import { Card, Live, SlotName, SureButton, makeSender, textOfSlot } from "../js/
 
 const DETAILS = ["torque", "load", "current", "temperature", "voltage"];
 /** rad in a unit of an angle: a speed in rad/s is sent in the unit of the slot. */
-const PER_RAD = { deg: 180 / Math.PI, turn: 1 / (2 * Math.PI) };
+export const PER_RAD = { deg: 180 / Math.PI, turn: 1 / (2 * Math.PI) };
 /** Pixels along the track after which a finger means the slider: less may become a swipe that scrolls the page. */
 const MEANT_PX = 8;
 const LEVELS = { temperature: [60, 70] };
@@ -175,7 +175,7 @@ export function GoalSlider({ part, speed = null, springs = false }) {
       onKeyUp=${endKey} onBlur=${endKey} onDblClick=${centre} onInput=${change} /></div>`;
 }
 
-function JointRow({ part, speed }) {
+export function JointRow({ part, speed }) {
   const state = part.slot("stale");
   const row = useRef(null);
   useEffect(() => (state ? drawSlot(part.slotPath("stale"), (value) => row.current?.classList.toggle("lost", value === true), 4) : undefined), []);
