@@ -4,7 +4,7 @@
 import { html, useEffect, useMemo, useRef, useState } from "../vendor/htm-preact.js";
 import { connection } from "../js/connection.js";
 import { drawSlot, hearSamples } from "../js/samples.js";
-import { ask, mayDrive, store, useTopics } from "../js/store.js";
+import { ask, mayDrive, notify, store, useTopics } from "../js/store.js";
 import { rangeOf } from "../js/tree.js";
 import { Card, makeSender, textOfSlot } from "../js/ui.js";
 import { Figure, readingOf, travelOf } from "../figure/model.js";
@@ -40,6 +40,14 @@ function hasWebGL() {
   }
 }
 
+/** A joint that has a number in the tree is called by the link that it moves: "left hand". */
+function nameJoints(figure) {
+  const named = figure?.links.filter((link) => link.joint?.device && link.name !== `${link.joint.device}_link`) || [];
+  const numbered = named.filter((link) => /\d$/.test(store.model?.parts.find((part) => part.path === link.joint.device)?.words || ""));
+  store.partWords = new Map(numbered.map((link) => [link.joint.device, link.name.replace(/_/g, " ")]));
+  notify("tree");
+}
+
 /** The figure as the gateway tells it, asked for again when the robot has changed; null until it came. */
 function useFigure() {
   const [figure, setFigure] = useState(null);
@@ -53,7 +61,9 @@ function useFigure() {
         const { figure: table } = await connection.ask("figure");
         if (isOver || JSON.stringify(table) === text) return;
         text = JSON.stringify(table);
-        setFigure(table ? new Figure(table) : null);
+        const made = table ? new Figure(table) : null;
+        nameJoints(made);
+        setFigure(made);
       } catch {
         // The interpreter is held, or the robot is not there yet.
         if (!isOver) timer = setTimeout(look, 2000);
