@@ -131,6 +131,7 @@ function Chart({ unit, paths, zoom }) {
     // Round times before the newest sample.
     const splits = (chart, index, least, most, step) => {
       const found = [];
+      if (!(step > 0)) return found; // nothing is shown yet
       for (let at = newest(chart) - step * Math.floor((newest(chart) - least) / step); at <= most; at += step) found.push(at);
       return found;
     };
