@@ -39,7 +39,8 @@ def draw(browser: Browser, platform: str, page: str, looks: Looks, folder: Path)
         try:
             with scene.run(MOVES.get(platform, "")):
                 for name, width, height, dark in looks:
-                    visitor = Visitor(browser, scene.pair("full", "anna"), width=width, height=height, dark=dark)
+                    visitor = Visitor(browser, scene.pair("full", "anna"), width=width, height=height, dark=dark,
+                                      figure=True)  # fmt: skip
                     visitor.open(page)
                     time.sleep(SETTLE_S * (3 if platform == "p3dx" else 1))
                     path = folder / f"{platform}-{page}-{name}.png"

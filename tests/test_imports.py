@@ -145,6 +145,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.platforms.taken": (),
     "urbihw.platforms.identity": ("urbihw.kernel.uobject", "urbihw.settings"),
     "urbihw.platforms.hooks": ("urbihw.buses", "urbihw.figure", "urbihw.platforms.limits"),
+    "urbihw.platforms.drawn": ("urbihw.kernel.uobject", "urbihw.figure", "urbihw.extras"),
     "urbihw.platforms.session": ("urbihw.kernel.uobject", "urbihw.buses", "urbihw.settings"),
     "urbihw.platforms.problems": ("urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.devicelog"),
     "urbihw.platforms.guarded": (
@@ -162,8 +163,9 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     ),  # fmt: skip
     "urbihw.platforms.base": (
         "urbihw.kernel.uobject", "urbihw.buses", "urbihw.platforms.arrival", "urbihw.platforms.channel",
-        "urbihw.platforms.devicelog", "urbihw.platforms.expected", "urbihw.platforms.guarded",
-        "urbihw.platforms.hooks", "urbihw.platforms.identity", "urbihw.platforms.limited", "urbihw.platforms.limits",
+        "urbihw.platforms.devicelog", "urbihw.platforms.drawn", "urbihw.platforms.expected",
+        "urbihw.platforms.guarded", "urbihw.platforms.hooks", "urbihw.platforms.identity",
+        "urbihw.platforms.limited", "urbihw.platforms.limits",
         "urbihw.platforms.problems", "urbihw.platforms.remembered", "urbihw.platforms.session",
         "urbihw.platforms.words",
     ),  # fmt: skip

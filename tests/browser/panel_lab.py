@@ -206,12 +206,17 @@ class Visitor:
 
     def __init__(
         self, browser: Browser, address: str, *, width: int = 1280, height: int = 900, dark: bool = False,
-        finger: bool = False,
+        finger: bool = False, figure: bool = False, without_webgl: bool = False,
     ) -> None:  # fmt: skip
+        """``figure``: with the robot drawn, which costs a processor without a graphics card seconds."""
         self._context = browser.new_context(
             viewport={"width": width, "height": height}, color_scheme="dark" if dark else "light",
             has_touch=finger, is_mobile=finger,
         )  # fmt: skip
+        if not figure:
+            self._context.add_init_script("localStorage.setItem('urbihw.figure.hidden', '1');")
+        if without_webgl:
+            self._context.add_init_script("HTMLCanvasElement.prototype.getContext = () => null;")
         self.page: Page = self._context.new_page()
         self.page.set_default_timeout(PAGE_MS)
         self.errors: list[str] = []

@@ -203,7 +203,7 @@ def test_a_sound_file_is_played_by_the_loudspeaker(
         made.writeframes(b"".join(
             struct.pack("<hh", *[round(12000 * math.sin(0.125 * index))] * 2) for index in range(55125)
         ))  # fmt: skip
-    page.wait_for_selector("#lamp-link.ok")
+    page.wait_for_selector("#lamp-link.ok", state="attached")
 
     def played() -> float:
         """Seconds that its loudspeaker has played, by the console of the simulated robot."""
@@ -238,9 +238,9 @@ def test_a_spykee_shows_its_picture_lights_its_lamp_and_has_a_page_of_faults(
         heard_until(connection, b"*** lit")
     visitor.open("faults")
     page.click("#fault-unplug")
-    page.wait_for_selector("#lamp-link.bad")
+    page.wait_for_selector("#lamp-link.bad", state="attached")
     page.click("#fault-plug")
-    page.wait_for_selector("#lamp-link.ok")
+    page.wait_for_selector("#lamp-link.ok", state="attached")
     assert axe_findings(visitor, ("control", "faults")) == []
 
 

@@ -217,7 +217,7 @@ def test_a_browser_comes_back_by_itself_and_says_meanwhile_that_nothing_is_confi
     page = visitor.page
     scene.stop_gateway()
     page.wait_for_selector("#stale")
-    page.wait_for_selector("body.cut #lamp-link.bad:has-text('unknown')")
+    page.wait_for_selector("body.cut #lamp-link.bad:has-text('unknown')", state="attached")
     page.click("#stop")
     page.wait_for_selector("#stop-line.bad:has-text('NOT CONFIRMED')")
     scene.start_gateway()

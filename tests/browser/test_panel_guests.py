@@ -124,7 +124,7 @@ def test_a_page_of_another_site_does_not_reach_the_robot(
 ) -> None:
     visitor = visit(scene.pair("full", "anna"))
     page = visitor.page
-    page.wait_for_selector("#lamp-server.ok")
+    page.wait_for_selector("#lamp-server.ok", state="attached")
     # The same browser, with its cookie, which is that of the host and not of the port.
     page.goto(f"http://{host}:{other_site}/")
     for name in ("127.0.0.1", "localhost"):
@@ -145,7 +145,7 @@ def test_a_page_of_another_site_does_not_reach_the_robot(
     assert stands(body, 0.2)
     visitor.errors.clear()  # the browser tells of each refusal
     page.goto(f"http://127.0.0.1:{scene.gateway_port}/")
-    page.wait_for_selector("#lamp-server.ok")
+    page.wait_for_selector("#lamp-server.ok", state="attached")
 
 
 @pytest.mark.long
@@ -180,11 +180,11 @@ def test_the_panel_goes_on_with_the_next_daemon(scene: Scene, visit: Visit, body
     live = page.locator("[data-part=motor6] .live").first
     wait_until(lambda: live.text_content() not in ("", "–"))
     scene.kill_daemon()
-    page.wait_for_selector("#lamp-server.bad")
+    page.wait_for_selector("#lamp-server.bad", state="attached")
     page.wait_for_selector("#stale:has-text('old')")
     scene.start_daemon()
-    page.wait_for_selector("#lamp-server.ok", timeout=30_000)
-    page.wait_for_selector("#lamp-link.ok", timeout=30_000)
+    page.wait_for_selector("#lamp-server.ok", state="attached", timeout=30_000)
+    page.wait_for_selector("#lamp-link.ok", state="attached", timeout=30_000)
     page.wait_for_selector("#stale", state="detached")
     visitor.open("console")
     page.fill("#input", "motor6.load = 1|; motor6.val = 0.5; 40 + 2;")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import random
 from pathlib import Path
 from xml.etree import ElementTree as xml
 
@@ -15,6 +16,7 @@ from urbihw.figure.bench import bench
 from urbihw.figure.kinematics import place_of
 from urbihw.figure.model import parse, read
 from urbihw.figure.pose import Pose, at
+from urbihw.figure.reach import NEAR_M, CannotReach, JointRange, reach
 from urbihw.figure.urdf import to_urdf
 
 ARM = """
@@ -134,3 +136,20 @@ def test_the_command_prints_links_urdf_and_json(tmp_path: Path, capsys: pytest.C
     assert json.loads(capsys.readouterr().out)["links"][0]["name"] == "base"
     assert main(["figure", "cia402"]) == 78
     assert "robot.figure.text" in capsys.readouterr().err
+
+
+def test_every_place_of_a_hand_is_reached_within_the_limits() -> None:
+    pytest.importorskip("scipy", reason="needs the extra navigation")
+    figure = read(Path(__file__).parents[2] / "urbihw" / "platforms" / "so101" / "figure.toml")
+    links = {name: link.joint for name, link in figure.joints.items() if name != "gripper"}
+    joints = {name: JointRange(0.0, joint.low, joint.high) for name, joint in links.items() if joint is not None}
+    dice = random.Random(3)
+    for _ in range(6):
+        place = place_of(figure, "hand", {name: dice.uniform(*row[1:]) for name, row in joints.items()}).place
+        goals = reach(figure, "hand", place, joints)
+        assert math.dist(place_of(figure, "hand", goals).place, place) < NEAR_M
+        assert all(joints[name].low <= goal <= joints[name].high for name, goal in goals.items())
+    with pytest.raises(CannotReach, match=r"13\.\d cm away"):
+        reach(figure, "hand", (0.6, 0.0, 0.2), joints)
+    with pytest.raises(CannotReach, match="at the end of its range: elbow_flex"):
+        reach(figure, "hand", (-0.2, 0.1, 0.2), {**joints, "shoulder_lift": JointRange(0.3, 0.3, 0.3)})

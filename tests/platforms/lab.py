@@ -138,7 +138,7 @@ class RobotLab:
     def thought(self) -> bool:
         """Wait for threads of the platform, which know nothing of simulated time; true."""
         for thread in threading.enumerate():
-            if thread.name == "planner":
+            if thread.name in ("planner", "urbihw-uobject"):
                 thread.join(20)
         return True
 

@@ -20,6 +20,7 @@ from urbihw.figure.model import FILE, Figure, figure_file, parse, read
 from urbihw.platforms.servos.options import ServoOptions
 from urbihw_fakes.bioloid.kit import Bioloid
 from urbihw_fakes.bodies.humanoid import MOUNTED
+from urbihw_fakes.so101.arm import JOINTS
 
 ROOT = Path(__file__).parents[2]
 BODIES = ROOT / "fakes" / "urbihw_fakes" / "bodies" / "models"
@@ -171,3 +172,48 @@ def test_a_program_reads_where_the_hand_is() -> None:
     assert json.loads(lab.look("robot.hand.position")) == pytest.approx(place, abs=1e-5)
     assert len(json.loads(lab.look("robot.hand.pose"))) == 6
     assert 'the figure has no link "foot"' in lab.say('robot.figure.part("foot").position;')
+
+
+def think(lab: Any, seconds: float) -> None:
+    """Let time pass, with the calculation in its thread, which knows nothing of simulated time."""
+    for _ in range(round(seconds / 0.1)):
+        lab.thought()
+        lab.run(0.1)
+
+
+def test_a_hand_goes_to_a_place_within_the_limits_of_its_joints() -> None:
+    pytest.importorskip("scipy", reason="needs the extra navigation")
+    lab = so101_lab.Lab.ready()
+    lab.say("so101.on|; robot.hand.reach([0.25, 0.1, 0.15], 2s),", 0.05)
+    think(lab, 1)
+    # Half way, and not yet there: the joints go together in the time that was given.
+    assert 0.02 < math.dist(json.loads(lab.look("robot.hand.position")), (0.25, 0.1, 0.15)) < 0.15
+    think(lab, 2)
+    assert json.loads(lab.look("robot.hand.position")) == pytest.approx([0.25, 0.1, 0.15], abs=4e-3)
+    # By the fake's own joints, the body is there.
+    measured = {name: math.radians(lab.kit.bend(name) * 360 / 4096) for name in JOINTS}
+    assert places(figure_of("so101"), measured)["hand"].place == pytest.approx((0.25, 0.1, 0.15), abs=4e-3)
+
+
+def test_a_place_that_is_too_far_is_an_error_that_tells_the_nearest_one() -> None:
+    pytest.importorskip("scipy", reason="needs the extra navigation")
+    lab = so101_lab.Lab.ready()
+    before = lab.look("robot.hand.position")
+    told = lab.say("so101.on|; robot.hand.reach([0.6, 0, 0.2]),", 0.05)
+    for _ in range(5):
+        lab.thought()
+        told += lab.say("1;", 0.1)
+    assert "hand cannot reach [0.600, 0.000, 0.200]: the nearest place is [0.4" in told
+    assert lab.look("robot.hand.position") == before
+
+
+def test_a_stop_ends_a_reach() -> None:
+    pytest.importorskip("scipy", reason="needs the extra navigation")
+    lab = so101_lab.Lab.ready()
+    lab.say("so101.on|; robot.hand.reach([0.25, 0.1, 0.15], 4s),", 0.05)
+    think(lab, 1)
+    lab.say("robot.stop;", 0.3)
+    stood = [lab.kit.bend(name) for name in JOINTS]
+    think(lab, 2)
+    assert [lab.kit.bend(name) for name in JOINTS] == pytest.approx(stood, abs=2)
+    assert math.dist(json.loads(lab.look("robot.hand.position")), (0.25, 0.1, 0.15)) > 0.03

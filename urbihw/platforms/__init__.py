@@ -8,10 +8,10 @@ robot that is absent at the start) and ``channel`` (how devices reach the worker
 example). A platform imports those, ``urbihw.kernel.uobject``, ``urbihw.buses`` and ``urbihw.navigation``, never another
 platform.
 
-Beside them: ``session`` (with the worker), ``measured`` and ``streamed`` (devices whose values come), ``clipping``
-(limits as a device shows them), ``identity``, ``problems`` and ``devicelog`` (what a robot tells), ``expected``,
-``taken`` and ``remembered`` (``[devices]``, their names, those of the last run), ``camera`` with ``film`` and ``jpeg``,
-``speaker`` with ``sound``.
+Beside them: ``session`` (with the worker), ``drawn`` (the figure), ``measured`` and ``streamed`` (devices whose values
+come), ``clipping`` (limits as a device shows them), ``identity``, ``problems`` and ``devicelog`` (what a robot tells),
+``expected``, ``taken`` and ``remembered`` (``[devices]``, their names, those of the last run), ``camera`` with ``film``
+and ``jpeg``, ``speaker`` with ``sound``.
 
 In the folder of a robot ``options`` are its ``[options]``, ``words`` the meanings of its slots (those of several robots
 in ``words`` here), ``trace`` decodes its traffic. Three folders are no robots: ``servos`` (what robots on a servo bus

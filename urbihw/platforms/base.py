@@ -3,14 +3,13 @@
 A platform derives from ``WiredRobot``, names the family of its wire, and handles the devices found and the values
 measured (``hooks``).  Each part has one job: ``worker`` is the session with the bus worker, ``guard`` knows who may
 move the robot and what stops it, ``limits`` has the limits of its devices, ``arrival`` has its link and answers
-``open``, ``report`` shows its problems, ``identity`` its name and address.  The worker's messages arrive in a thread of
-the handle and are posted into the kernel's thread; the writes of devices are gathered in ``channel`` and sent once per
-scheduler round.
+``open``, ``report`` shows its problems, ``identity`` its name and address, ``drawn`` its figure.  The worker's messages
+arrive in a thread of the handle and are posted into the kernel's thread; the writes of devices
+are gathered in ``channel`` and sent once per scheduler round.
 """
 
 from __future__ import annotations
 
-import json
 import logging
 import time
 from collections.abc import Callable
@@ -24,6 +23,7 @@ from urbihw.kernel.uobject import BadConfig, DevicePart, Opened, PlatformRobot, 
 from urbihw.platforms.arrival import Arrival
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.devicelog import DeviceLog
+from urbihw.platforms.drawn import DrawnRobot
 from urbihw.platforms.expected import for_worker
 from urbihw.platforms.guarded import MotionGuard
 from urbihw.platforms.hooks import RobotHooks
@@ -44,7 +44,7 @@ class WiredRobot(RobotHooks, PlatformRobot):
     """
 
     parts: ClassVar[tuple[type[DevicePart], ...]] = (
-        RobotIdentity, MotionGuard, RobotLimits, Arrival, WorkerSession, ProblemReport,
+        RobotIdentity, MotionGuard, RobotLimits, Arrival, WorkerSession, ProblemReport, DrawnRobot,
     )  # fmt: skip
     slot_words = ROBOT
 
@@ -68,6 +68,7 @@ class WiredRobot(RobotHooks, PlatformRobot):
         self.log = DeviceLog(logging.getLogger(f"urbihw.{name}"), self.host.now, self.call_later, self.whose_log)
         self.device_memory = DeviceMemory(driver_of(self.family).device_info, self.log.warning)
         self.identity = RobotIdentity(self, name, self.model_name)
+        self.drawn = DrawnRobot(self, lambda: self.figure())
         self.worker = WorkerSession(self, name, self.family)
         send = self.worker.send
         self.guard = MotionGuard(self, name, send, self.log, self)
@@ -131,12 +132,6 @@ class WiredRobot(RobotHooks, PlatformRobot):
         Earlier statements that would move it later end with an error.
         """
         self.guard.halt_all(self.motion.asked())
-
-    @function("figureText")
-    def figure_text(self) -> str:
-        """Return the links, joints and shapes of the robot as JSON; "" for a robot without a figure."""
-        figure = self.figure()
-        return "" if figure is None else json.dumps(figure.as_table(), separators=(",", ":"))
 
     def status(self) -> str:
         return self.summary() if self.arrival.is_up() else "link down"

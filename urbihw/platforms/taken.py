@@ -27,28 +27,28 @@ buzzerIndex buzzerTime callMessage ccwComplianceMargin ccwComplianceSlope ccwLim
 checkRecording clapCount clearStats clog clone cloneSlot completions controlTag copySlot cos cout createSlot current
 cwComplianceMargin cwComplianceSlope cwLimit cycle dGain destroy detach deviceTable devices disown documentation
 dropMotion dump dumpPart echo enableStats endMovement endPlaying endRecording endTeaching entries epoch estop
-estopHolders eval evaluate exactNumbers exp external false feedForward1 feedForward2 figure figureLinks figureText
-fill firmware flatDump found fullName funCall gather getLocalSlot getPeriod getProperty getSlot getStats getenv
-goalCurrent goalPwm grow growGroups growJoints guarded hasLocalSlot hasProperty hasSlot homingOffset iGain id
+estopHolders eval evaluate exactNumbers exp external false feedForward1 feedForward2 figure figureGoals figureLinks
+figureText fill firmware flatDump found fullName funCall gather getLocalSlot getPeriod getProperty getSlot getStats
+getenv goalCurrent goalPwm grow growGroups growJoints guarded hasLocalSlot hasProperty hasSlot homingOffset iGain id
 identify inf infrared infraredC infraredL infraredR init inspect interfaceNames interfaces isA isNil isProto isVoid
 isdef jobs jobsText joinPart joint jointGroups jointName jointNames jointOrder keyPose leaveMotion led leftHand
 light lightC lightCenter lightDetectedCenter lightDetectedLeft lightDetectedRight lightL lightLeft lightR lightRight
-lightThreshold lightThresholdDefault limited limitedBy link linkBack linkLost linkPose load loadFile loadLibrary
-loadModule lobbies lobby localSlotNames locateSlot lock log logText logged lost makeCompactNames max maxTorque
-maxVoltage maybeLoad methodToFunction min minVoltage missing mode model modelName modules motionBegun motionEnded
-motionNames motionPages motionPlayer motions motorTable motors moving name nameOf named nan ndebug new nextPose nil
-numbered obstacleCenter obstacleLeft obstacleRight obstacleThreshold obstacleThresholdDefault off on overspeed
-overviewText ownName ownNames pGain pages parent part partNames period persist pi places planMotion play playMelody
-playing pose poseNames poses print problems programName properties protos punch random rate readRegister rearm
-reboot redefinitionMode refuseGroup refuseName refused registers rejoin releaseOf released remocon remoconReceived
-removeLocalSlot removeProperty removeProto removeSlot requested resetLibrary returnDelay rightHand robot round
-rtpOpen savePose savePoseFile scan scopeTag searchFile searchPath sensorTable sensors serial setConstSlot
-setProperty setProtos setSlot setenv share shareLink shiftedTime shutdown sign signatureOf sin sleep slotNames
-slotTable soundTime soundVolume soundVolumeMax spawn speed sqr sqrt srandom stale state statistics statusReturnLevel
-step stop stopJob stopped stops storeNames syncGet system tan teach teaching tellJointsOff tellRegister temperature
-temperatureLimit time timeReference torque torqueLimit tree treeKey treeText true trunc turn type uid unacceptVoid
-unnotify unsetenv uobjects uobjects_handle updateSlot url uvalueSerialize val velocityIGain velocityPGain version
-void voltage wall warn wheel why writeRegister
+lightThreshold lightThresholdDefault limited limitedBy link linkBack linkJoints linkLost linkPose load loadFile
+loadLibrary loadModule lobbies lobby localSlotNames locateSlot lock log logText logged lost makeCompactNames max
+maxTorque maxVoltage maybeLoad methodToFunction min minVoltage missing mode model modelName modules motionBegun
+motionEnded motionNames motionPages motionPlayer motions motorTable motors moving name nameOf named nan ndebug new
+nextPose nil numbered obstacleCenter obstacleLeft obstacleRight obstacleThreshold obstacleThresholdDefault off on
+overspeed overviewText ownName ownNames pGain pages parent part partNames period persist pi places planMotion play
+playMelody playing pose poseNames poses print problems programName properties protos punch random rate readRegister
+rearm reboot redefinitionMode refuseGroup refuseName refused registers rejoin releaseOf released remocon
+remoconReceived removeLocalSlot removeProperty removeProto removeSlot requested resetLibrary returnDelay rightHand
+robot round rtpOpen savePose savePoseFile scan scopeTag searchFile searchPath sensorTable sensors serial
+setConstSlot setProperty setProtos setSlot setenv share shareLink shiftedTime shutdown sign signatureOf sin sleep
+slotNames slotTable soundTime soundVolume soundVolumeMax spawn speed sqr sqrt srandom stale state statistics
+statusReturnLevel step stop stopJob stopped stops storeNames syncGet system tan teach teaching tellJointsOff
+tellRegister temperature temperatureLimit time timeReference torque torqueLimit tree treeKey treeText true trunc
+turn type uid unacceptVoid unnotify unsetenv uobjects uobjects_handle updateSlot url uvalueSerialize val
+velocityIGain velocityPGain version void voltage wall warn wheel why writeRegister
 """
 TAKEN: Final = frozenset(_TEXT.split())
 """Names of slots."""

@@ -75,6 +75,7 @@ ROBOT: Final[dict[str, tuple[str, str]]] = {
     "back": ("event: a device answers again", ""),
     "found": ("event: a new device was found", ""),
     "refused": ("event: a device refused a write; with device, slot and reason", ""),
+    "figureGoals": ("readings of joints by which a link is at a place; robot.figure.part(link).reach moves them", ""),
     "figureText": ("links, joints and shapes as JSON; robot.figure is more convenient", ""),
     "moveTo": ("moveTo([x, y, heading]): go there on the map, along a planned path", ""),
     "answered": ("event: an answer to a request has come", ""),

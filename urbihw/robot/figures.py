@@ -44,13 +44,35 @@ def link_pose(world: World, this: Value, robot: Obj, link: str) -> Value:
     """Where a link of the figure is, by the measured joints: a List of x, y, z, roll, pitch and yaw in the frame of the
     robot."""
     figure = _figure(world, robot)
-    try:
-        chain = figure.chain(link)
-    except KeyError:
-        raise errors.primitive(f'the figure has no link "{link}"; robot.figure.links has them', "linkPose") from None
+    chain = _chain(figure, link)
     devices = [each.joint.device for each in chain if each.joint is not None and each.joint.device]
     pose = place_of(figure, link, {device: _reading(world, device) for device in devices})
     return world.new_list([*pose.place, *pose.turn])
+
+
+@TABLE.primitive("linkJoints")
+def link_joints(world: World, this: Value, robot: Obj, link: str) -> Value:
+    """The joints that move a link of the figure: for each a List of its name, its reading, and the least and the
+    greatest reading that its figure and the device allow."""
+    moving = {id(each.part) for each in joints_of(world, robot)}
+    rows = []
+    for each in _chain(_figure(world, robot), link):
+        joint = each.joint
+        held = None if joint is None else world.global_.slots.get(joint.device)
+        if joint is not None and isinstance(held, Obj) and id(held) in moving:
+            _, low, high = _range(world, held)
+            row = [_reading(world, joint.device), max(low, joint.low), min(high, joint.high)]
+            rows.append(world.new_list([world.string(joint.device), *row]))
+    return world.new_list(rows)
+
+
+def _chain(figure: Figure, link: str) -> list[FigureLink]:
+    """The links from the first one to this one.  Raises an urbiscript error for an unknown one."""
+    try:
+        return figure.chain(link)
+    except KeyError:
+        message = f'the figure has no link "{link}"; robot.figure.links has them'
+        raise errors.primitive(message, "linkPose") from None
 
 
 def _figure(world: World, robot: Obj) -> Figure:

@@ -25,8 +25,8 @@ FIRST_DELAY_S, MAX_DELAY_S = 0.25, 8.0
 """Seconds by which the answers to wrong codes are delayed: the first one, and the maximum of the doubled delay."""
 _PAGE: Final = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
-<link rel="icon" href="data:,">{head}<title>urbihw</title></head>
-<body><h1>{title}</h1><p>{text}</p></body></html>
+<link rel="icon" href="data:,"><link rel="stylesheet" href="/static/style.css">{head}<title>urbihw</title></head>
+<body><main class="alone"><section class="card"><h1>{title}</h1><p>{text}</p></section></main></body></html>
 """
 _AGAIN: Final = '<meta http-equiv="refresh" content="0;url=/">'
 _HOW: Final = "On the robot's machine, type <code>urbihw panel pair</code> and open the address that it shows."

@@ -101,6 +101,11 @@ class WatchedRobot:
         daemon = self._link is not None and silent < SILENT_S
         return {"daemon": daemon, "silent": silent, "remote": self.is_remote, **self._state}
 
+    async def figure(self) -> dict[str, Any] | None:
+        """The figure of the robot (``robot.figure.text``); None if there is no robot.  Raises LobbyError."""
+        told = await self.link.json(_PROGRAM % "System.figureText(robot)", TREE_TIMEOUT_S)
+        return told if isinstance(told, dict) else None
+
     # ---------------------------------------------------------------- stopping
 
     async def obey(self, verb: str, who: str, link: LobbyLink | None, others: Sequence[str] = ()) -> dict[str, Any]:

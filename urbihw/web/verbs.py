@@ -34,6 +34,11 @@ async def tree(session: WebSession, request: Request) -> dict[str, Any]:
     return {"tree": session.gateway.robot.tree.told}
 
 
+async def figure(session: WebSession, request: Request) -> dict[str, Any]:
+    """The figure of the robot: its links with their joints and shapes; null while there is no robot."""
+    return {"figure": await session.gateway.robot.figure()}
+
+
 async def obey(session: WebSession, request: Request) -> dict[str, Any]:
     """Stop, emergency stop and release: by the worker, which does not need the interpreter; for a robot of another
     machine by the daemon.  ``of``: the names of others whose emergency stops are released, too."""
@@ -60,6 +65,7 @@ VERBS: Final[dict[str, Verb]] = {
     "estop": Verb(_ALL, obey, waits=False),
     "release": Verb(_DRIVING, obey, waits=False),
     "tree": Verb(_ALL, tree, waits=False),
+    "figure": Verb(_ALL, figure, waits=False),
     "subscribe": Verb(_ALL, streams.subscribe),
     "unsubscribe": Verb(_ALL, streams.unsubscribe, waits=False),
     "values": Verb(_ALL, streams.values, waits=False),

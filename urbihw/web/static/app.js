@@ -6,6 +6,7 @@ import { dropToast, store, useTopics } from "./js/store.js";
 import { Bar } from "./cards/bar.js";
 import { Base, Chart, Distances } from "./cards/base.js";
 import { Console } from "./cards/console.js";
+import { RobotFigure } from "./cards/figure.js";
 import { Joints, Speeds } from "./cards/joints.js";
 import { Devices, Events, Faults, Jobs, Log, Slots } from "./cards/lists.js";
 import { Motions } from "./cards/motions.js";
@@ -16,11 +17,11 @@ function Control() {
   useTopics("tree");
   const { model } = store;
   const has = (...kinds) => model.of(...kinds).length > 0;
-  return html`${model.isMobile && html`<${Base} /><${Chart} />`}
+  return html`<${RobotFigure} />${model.isMobile && html`<${Base} /><${Chart} />`}
     ${model.of("camera").map((part) => html`<${Camera} key=${part.path} part=${part} />`)}
     ${has("distance") && html`<${Distances} />`}
     ${has("joint") && html`<${Joints} />`}
-    ${has("speed") && html`<${Speeds} />`}
+    ${model.speeds.length > 0 && html`<${Speeds} />`}
     ${model.hasFunction("teach") && html`<${Motions} />`}
     ${has("sensor", "touch", "laser") && html`<${Sensors} />`}
     ${has("light") && html`<${Lights} />`}

@@ -2,6 +2,7 @@
 
 import { html, useEffect, useState } from "../vendor/htm-preact.js";
 import { connection } from "../js/connection.js";
+import { doing } from "../js/doing.js";
 import { ask, isFull, mayDrive, notify, store, useTopics } from "../js/store.js";
 
 const CONFIRM_MS = 500;
@@ -96,6 +97,40 @@ function Lamp({ name, level, text }) {
     ${text ? html`<b>${text}</b>` : null}<span class="hidden">${level === "ok" ? "" : level}</span></span>`;
 }
 
+/** What carries the robot, each in words with what to do if it is not well; the server's own words come first. */
+function rowsOf(state, health) {
+  const isOpen = store.isOpen;
+  const rows = [["server", isOpen && state.daemon, "", "The program that runs your statements answers.",
+    "It does not answer: a program holds it, or it has ended. Stop the robot; on its machine, urbihw doctor tells more."]];
+  if (!state.remote) {
+    rows.push(["worker", isOpen && state.worker, "", "The process that owns the wire, and stops the robot, answers.",
+      "It does not answer. Cut the robot's power if it moves."]);
+  }
+  const rate = !isOpen ? "unknown" : !state.link ? "down" : state.remote ? "up" : `${Math.round(state.rate)} Hz`;
+  rows.push(["link", isOpen && state.link, rate, state.remote ? "The robot answers." : `All of the robot is read ${Math.round(state.rate)} times in a second; its wire is busy for ${Math.round(100 * state.load)} % of the time.`,
+    "The robot does not answer: look at its power, its cable and its adapter."]);
+  return [...rows.map(([name, isWell, text, well, ill]) => ({ name, level: isWell ? "ok" : "bad", text, words: isWell ? well : ill })),
+    ...health.reasons.map((words) => ({ name: "", level: "", text: "", words }))];
+}
+
+/** One lamp for all that carries the robot; opened, a line for each. */
+function Carriers({ state }) {
+  const rows = rowsOf(state, state.health);
+  const ill = rows.filter(({ level }) => level === "bad");
+  return html`<details class="carriers" id="carriers"><summary><${Lamp} name="connection" level=${ill.length ? "bad" : "ok"} text=${ill.length ? `${ill[0].name} ${ill[0].text || "silent"}` : "well"} /></summary>
+    <ul>${rows.map((row) => html`<li key=${row.name || row.words}>${row.name && html`<${Lamp} name=${row.name} level=${row.level} text=${row.text} />`}<span>${row.words}</span></li>`)}
+    ${state.remote && html`<li id="remote">The robot's bus worker is on another machine: the server stops the robot, unless a program holds it.</li>`}</ul></details>`;
+}
+
+/** The name of the robot, and what it does. */
+function Name({ hello }) {
+  useTopics("doing", "devices", "state");
+  const [level, words] = doing();
+  const about = [hello.robot !== hello.platform && hello.platform, hello.fake && "simulated", hello.you && `you are ${hello.you}: ${hello.role}`];
+  return html`<div class="name"><h1>${hello.robot || hello.platform || "robot"}</h1><span class="sub">${about.filter(Boolean).join(" · ")}</span>
+    <span class=${`doing ${level}`} id="doing" title=${words}>${words}</span></div>`;
+}
+
 function Driver({ state }) {
   const you = store.hello.you;
   const isMine = state.drives;
@@ -168,19 +203,14 @@ export function Bar() {
   if (state) wasLinked = state.link;
   const stale = staleText(state, Math.max(now, performance.now()));
   document.body.classList.toggle("stale", stale !== "" || Boolean(state && !state.link));
+  document.body.classList.toggle("looks", !mayDrive());
   document.body.classList.toggle("cut", isCut(Math.max(now, performance.now())));
   const health = state ? state.health : { verdict: "bad", reasons: [] };
   return html`<header class=${`bar ${state && state.estop ? "estopped" : ""}`} id="bar">
     <div class="row">
-      <div class="name"><h1>${hello.robot || hello.platform || "robot"}</h1>
-        <span class="sub">${[hello.robot !== hello.platform && hello.platform, hello.fake && "simulated", hello.you && `${hello.you}: ${hello.role}`]
-          .filter(Boolean).join(" · ")}</span></div>
+      <${Name} hello=${hello} />
       ${state && html`<div class="lamps">
-        <${Lamp} name="server" level=${store.isOpen && state.daemon ? "ok" : "bad"} />
-        ${!state.remote && html`<${Lamp} name="worker" level=${store.isOpen && state.worker ? "ok" : "bad"} />`}
-        <${Lamp} name="link" level=${store.isOpen && state.link ? "ok" : "bad"} text=${!store.isOpen ? "unknown" : !state.link ? "down" : state.remote ? "up" : `${Math.round(state.rate)} Hz`} />
-        ${state.remote ? html`<span class="lamp" id="remote" title="The bus worker is on another machine: the server stops the robot, unless a program holds it">stop by the server</span>`
-          : html`<span class="lamp load"><span class="what">bus</span><b>${Math.round(100 * state.load)} %</b></span>`}
+        <${Carriers} state=${state} />
         ${batteryText(state) && html`<span class="lamp battery"><span class="what">battery</span><b>${batteryText(state)}</b></span>`}
         <${Driver} state=${state} />
       </div>`}
@@ -191,10 +221,10 @@ export function Bar() {
     </div>
     <div class="lines">
       ${told[1] && html`<p class=${`stop-line ${told[0]}`} id="stop-line" role="status">${told[1]}</p>`}
+      ${state && html`<${Held} state=${state} />`}
+      ${stale && html`<p class="stale-line" id="stale" role="alert">${stale}</p>`}
       ${state && html`<p class=${`health ${health.verdict}`} id="health"><b>${HEALTH[health.verdict] || health.verdict}</b>${health.reasons.length
         ? `: ${health.reasons.slice(0, 3).join("; ")}${health.reasons.length > 3 ? ` and ${health.reasons.length - 3} more` : ""}` : ""}</p>`}
-      ${stale && html`<p class="stale-line" id="stale" role="alert">${stale}</p>`}
     </div>
-    ${state && html`<${Held} state=${state} />`}
   </header>`;
 }

@@ -6,7 +6,7 @@ import { connection } from "../js/connection.js";
 import { hearSamples } from "../js/samples.js";
 import { ask, isFull, mayDrive, showToast, store, useTopics } from "../js/store.js";
 import { directionsOf } from "../js/tree.js";
-import { Card, Live, Switch, colour, degrees, fixed, useCanvas } from "../js/ui.js";
+import { Card, Live, PartName, Switch, colour, degrees, fixed, useCanvas } from "../js/ui.js";
 import { stopRobot } from "./bar.js";
 
 const ORDER_MS = 100;
@@ -137,7 +137,9 @@ export function Base() {
   const rows = [["xSpeed", "m/s"], ["yawSpeed", "rad/s"]].filter(([name]) => robot.slot(name));
   // `load` is the manual's word for switched on: motorsLoad, laserLoad.
   const { platform } = store.model;
-  const switches = (platform && isFull() ? platform.slots : []).filter((slot) => slot.writable && slot.kind === "number" && slot.name.endsWith("Load"));
+  const switches = (platform && isFull() ? platform.slots : []).filter((slot) => slot.writable && slot.kind === "number" && slot.name.endsWith("Load")
+    // What has a card of its own has its switch there.
+    && !store.model.parts.some((part) => part.slot("load")?.writable && `${part.node.name}Load` === slot.name));
   const tools = switches.map(({ name }) => html`<${Switch} key=${name} slot=${`${platform.path}.${name}`} title=${name[0].toUpperCase() + name.slice(1, -4)} />`);
   const ofPlatform = (name) => platform?.slots.find((slot) => slot.name === name);
   const motors = ofPlatform("motorsLoad");
@@ -171,7 +173,7 @@ function useNewest(slots, hz = 10) {
 }
 
 /** Points of a scan in the frame of the robot: [x, y] in m. */
-function pointsOf(ranges, from, to) {
+export function pointsOf(ranges, from, to) {
   if (!Array.isArray(ranges) || typeof from !== "number" || typeof to !== "number" || ranges.length < 2) return [];
   const step = (to - from) / (ranges.length - 1);
   return ranges.flatMap((range, index) => (typeof range === "number" && Number.isFinite(range)
@@ -244,10 +246,10 @@ function useWalls(planner) {
 }
 
 /** Where the robot was since the map was first shown, [x, y] in m. */
-const trail = [];
+export const trail = [];
 let isTrailing = false;
 
-function beginTrail() {
+export function beginTrail() {
   if (isTrailing) return;
   isTrailing = true;
   hearSamples("robot.position", 10, (pose) => {
@@ -321,7 +323,14 @@ export function Chart() {
     <button class="small" onClick=${() => trail.splice(0)}>Clear trail</button>`;
   return html`<${Card} title="Map" name="map" tools=${tools}>
     <canvas class=${`map ${wantsGo ? "aim" : ""}`} id="map" ref=${canvas} role="img" aria-label="map around the robot, with its trail" onClick=${click}></canvas>
-    <p class="hint"><${Pose} /></p><//>`;
+    <p class="hint"><${Pose} /></p>${planner && html`<${MapHint} planner=${planner} />`}<//>`;
+}
+
+/** Where a map comes from, while there is none. */
+function MapHint({ planner }) {
+  const [name, setName] = useState(null);
+  useEffect(() => hearSamples(`${planner}.mapFileName`, 2, (value) => setName(typeof value === "string" ? value : null)), []);
+  return name === "" ? html`<p class="hint" id="no-map">No map is loaded: <span class="code">${planner}.loadMap("file.map");</span> in the console, or drive around and save one (docs/navigation.md).</p>` : null;
 }
 
 function Pose() {
@@ -365,6 +374,6 @@ export function Distances() {
     drawRobot(context, width / 2, height / 2, Math.PI / 2);
   });
   return html`<${Card} title="Distances" name="distances"><canvas class="fan" ref=${canvas} role="img" aria-label="distances around the robot, up to 5 m"></canvas>
-    <dl class="values">${parts.map((part) => html`<dt>${part.title}</dt><dd><${Live} slot=${part.slotPath(name(part))} unit=${unit(part)} /></dd>`)}</dl><//>`;
+    <dl class="values">${parts.map((part) => html`<dt><${PartName} part=${part} slot=${part.slotPath(name(part))} /></dt><dd><${Live} slot=${part.slotPath(name(part))} unit=${unit(part)} /></dd>`)}</dl><//>`;
 }
 

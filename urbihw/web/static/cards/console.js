@@ -28,6 +28,12 @@ function examples() {
   return list;
 }
 
+/** Three of the examples, that move and that react where the robot can. */
+const firstExamples = () => {
+  const all = examples();
+  return [all[0], ...all.slice(2), all[1]].slice(0, 3);
+};
+
 function say(kind, text) {
   store.output.push({ kind, text, stamp: null });
   notify("output");
@@ -70,7 +76,8 @@ export function Console() {
     if (!told) return;
     const typed = value.slice(0, at).match(/[\w.\[\]]*$/)[0];
     const stem = typed.split(".").pop();
-    const found = told.words.filter((word) => word.startsWith(stem));
+    const own = new Set([...store.model.parts.map((part) => part.path), "robot", store.model.platform?.name, ...store.model.groups.map(({ name }) => name)]);
+    const found = told.words.filter((word) => word.startsWith(stem)).sort((one, other) => own.has(other) - own.has(one));
     const common = found.reduce((start, word) => {
       let length = 0;
       while (length < start.length && start[length] === word[length]) length++;
@@ -129,7 +136,11 @@ export function Console() {
     }}>Clear</button>`;
   return html`<${Card} title="Console" name="console" tools=${tools} wide=${true}>
     <div class="output" id="output" ref=${output} onScroll=${scrolled} role="log" aria-label="output of the server" tabindex="0">${store.output.slice(-500).map((line) => html`<div class=${`line ${line.kind}`}>
-      ${line.stamp !== null && line.stamp !== undefined && html`<span class="stamp">${(line.stamp / 1000).toFixed(3)}${line.channel ? ` ${line.channel}` : ""}</span>`}<span>${line.text}</span></div>`)}</div>
+      ${line.stamp !== null && line.stamp !== undefined && html`<span class="stamp">${(line.stamp / 1000).toFixed(3)}${line.channel ? ` ${line.channel}` : ""}</span>`}<span>${line.text}</span></div>`)}
+      ${store.output.length === 0 && html`<div class="empty" id="first-examples"><p class="hint">Nothing has run yet. Try one:</p>${firstExamples().map(([title, text]) => html`<button class="small" key=${title} onClick=${() => {
+        input.current.value = text;
+        input.current.focus();
+      }}>${title}</button>`)}</div>`}</div>
     ${words.length > 0 && html`<div class="words" id="words">${words.map((word) => html`<button class="small" onClick=${() => {
       const stem = input.current.value.slice(0, input.current.selectionStart).match(/\w*$/)[0];
       insert(word.slice(stem.length));

@@ -4,11 +4,11 @@ import { html, useEffect, useMemo, useRef, useState } from "../vendor/htm-preact
 import { drawSlot } from "../js/samples.js";
 import { ask, isFull, mayDrive, showToast, store, useTopics } from "../js/store.js";
 import { rangeOf } from "../js/tree.js";
-import { Card, Live, SlotName, SureButton, makeSender, textOfSlot } from "../js/ui.js";
+import { Card, Live, PartName, SureButton, makeSender, textOfSlot } from "../js/ui.js";
 
 const DETAILS = ["torque", "load", "current", "temperature", "voltage"];
 /** rad in a unit of an angle: a speed in rad/s is sent in the unit of the slot. */
-const PER_RAD = { deg: 180 / Math.PI, turn: 1 / (2 * Math.PI) };
+export const PER_RAD = { deg: 180 / Math.PI, turn: 1 / (2 * Math.PI) };
 /** Pixels along the track after which a finger means the slider: less may become a swipe that scrolls the page. */
 const MEANT_PX = 8;
 const LEVELS = { temperature: [60, 70] };
@@ -31,7 +31,7 @@ function Power({ part }) {
   const [isOn, setOn] = useState(null);
   useEffect(() => drawSlot(part.slotPath("load"), (value) => setOn(typeof value === "number" ? value > 0 : null), 4), []);
   return html`<button class="small power" aria-pressed=${isOn === null ? "mixed" : String(isOn)} disabled=${!isFull() || isOn === null} title=${part.slot("load").meaning}
-    onClick=${() => ask("set", { slot: part.slotPath("load"), value: isOn ? 0 : 1 })}>${isOn === null ? "–" : isOn ? "on" : "off"}</button>`;
+    onClick=${() => ask("set", { slot: part.slotPath("load"), value: isOn ? 0 : 1 })}>${isOn === null ? "–" : isOn ? "is on" : "is off"}</button>`;
 }
 
 /** What keeps a joint from its goal, and its state when it is not ok. */
@@ -175,12 +175,12 @@ export function GoalSlider({ part, speed = null, springs = false }) {
       onKeyUp=${endKey} onBlur=${endKey} onDblClick=${centre} onInput=${change} /></div>`;
 }
 
-function JointRow({ part, speed }) {
+export function JointRow({ part, speed }) {
   const state = part.slot("stale");
   const row = useRef(null);
   useEffect(() => (state ? drawSlot(part.slotPath("stale"), (value) => row.current?.classList.toggle("lost", value === true), 4) : undefined), []);
   return html`<li class="joint" ref=${row} data-part=${part.path}>
-    <div class="head"><${SlotName} path=${part.slotPath(part.goal.name)}>${part.title}<//>
+    <div class="head"><${PartName} part=${part} slot=${part.slotPath(part.goal.name)} />
       <${Live} slot=${part.slotPath(part.goal.name)} unit=${part.goal.unit} />
       <${Notes} part=${part} />${part.slot("load")?.writable && html`<${Power} part=${part} />`}</div>
     <${GoalSlider} part=${part} speed=${speed} />
@@ -218,8 +218,8 @@ export function Joints() {
       <option value="">all</option>${groups.map(({ name }) => html`<option value=${name}>${name}</option>`)}</select></label>`}
     <label>Speed <input type="range" min="0.1" max=${most} step="0.1" value=${shownSpeed} aria-label="speed to goals in rad/s"
       onInput=${(event) => setShownSpeed((speed.current = Number(event.target.value)))} /> ${shownSpeed.toFixed(1)} rad/s</label>
-    ${isFull() && shown.some((part) => part.slot("load")?.writable) && html`<button class="small" onClick=${() => switchAll(1)}>All on</button>
-    <${SureButton} id="all-off" act=${() => switchAll(0)} sure="Hold the robot: slack?">All off<//>`}
+    ${isFull() && shown.some((part) => part.slot("load")?.writable) && html`<button class="small" onClick=${() => switchAll(1)}>Switch all on</button>
+    <${SureButton} id="all-off" act=${() => switchAll(0)} sure="Hold the robot: slack?">Switch all off<//>`}
     <button class="small" onClick=${copy}>Copy pose</button>`;
   return html`<${Card} title=${`Joints (${shown.length})`} name="joints" tools=${tools} wide=${true}>
     <ul class="joints">${shown.map((part) => html`<${JointRow} key=${part.path} part=${part} speed=${speed} />`)}</ul><//>`;
@@ -228,9 +228,9 @@ export function Joints() {
 /** Motors that turn: sliders that go back to zero. */
 export function Speeds() {
   useTopics("state");
-  const parts = store.model.of("speed");
+  const parts = store.model.speeds;
   return html`<${Card} title="Speeds" name="speeds"><ul class="joints one">${parts.map((part) => html`<li class="joint" key=${part.path} data-part=${part.path}>
-    <div class="head"><${SlotName} path=${part.slotPath(part.goal.name)}>${part.title}<//>
+    <div class="head"><${PartName} part=${part} slot=${part.slotPath(part.goal.name)} />
       <${Live} slot=${part.slotPath(part.goal.name)} unit=${part.goal.unit} /><${Notes} part=${part} /></div>
     <${GoalSlider} part=${part} springs=${true} /></li>`)}</ul><//>`;
 }

@@ -31,7 +31,8 @@ export function Jobs() {
   return html`<${Card} title=${`Jobs (${told.jobs.length})`} name="jobs" wide=${true}>${trouble && html`<p class="bad">${trouble}</p>`}
     <ul class="chips" id="tags">${tags.map((tag) => html`<li key=${tag.id} data-tag=${tag.name}><b>${tag.name}</b> <span class="what">${tag.frozen ? "frozen" : `${tag.jobs} jobs`}</span> ${button(tag, "stop")} ${button(tag, tag.frozen ? "unfreeze" : "freeze")}</li>`)}</ul>
     <div class="scroll" tabindex="0" role="region" aria-label="table of jobs"><table><thead><tr>${columns.map((column) => html`<th scope="col">${column}</th>`)}</tr></thead>
-    <tbody>${told.jobs.slice(0, 200).map((job) => html`<tr>${columns.map((column) => html`<td>${cell(job, column)}</td>`)}</tr>`)}</tbody></table></div><//>`;
+    <tbody>${told.jobs.slice(0, 200).map((job) => html`<tr>${columns.map((column) => html`<td>${cell(job, column)}</td>`)}</tr>`)}</tbody></table></div>
+    ${told.jobs.length === 0 && !trouble && html`<p class="hint">No program runs. What you start in the console with a comma, or an at, is here until it ends.</p>`}<//>`;
 }
 
 export function Events() {

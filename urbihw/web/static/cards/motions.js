@@ -7,10 +7,14 @@ import { Card, SureButton } from "../js/ui.js";
 
 const quoted = (text) => `"${text.replace(/[\\"]/g, "\\$&")}"`;
 
+/** What was typed as a name: another page of the panel must not lose it. */
+let typed = "";
+
 export function Motions() {
   useTopics("state", "happened");
   const [lists, setLists] = useState({ motions: [], poses: [], playing: [], teaching: undefined });
-  const [name, setName] = useState("");
+  const [name, setShownName] = useState(typed);
+  const setName = (text) => setShownName((typed = text));
   const [speed, setSpeed] = useState(1);
   const look = async () => {
     // What is not answered stays as it was: another browser drives, or the interpreter is held, as the bar shows.

@@ -12,6 +12,9 @@ const MAX_POINTS = 1500; // of a curve on the screen
 const WINDOWS = [10, 60, 600];
 const COLOURS = ["#2f7fd1", "#d1552f", "#2f9e58", "#9a57c9", "#c29a1c", "#2aa5a5", "#d14a8b", "#7a8796"];
 
+/** Unit -> the unit in which a chart shows it, as the cards do, and how many of it one is. */
+const SHOWN = { rad: ["°", 180 / Math.PI], degC: ["°C", 1], ratio: ["%", 100] };
+
 /** The samples of a slot: two arrays of fixed length, written round and round. */
 class Series {
   constructor(slot, unit, hz) {
@@ -112,7 +115,7 @@ function columnsOf(list, range) {
     return times.map((time) => {
       while (at < series.count - 1 && series.times[(at + 1) % series.size] <= time) at++;
       const value = at < series.count && Math.abs(series.times[at % series.size] - time) < 1 ? series.values[at % series.size] : NaN;
-      return Number.isNaN(value) ? null : value;
+      return Number.isNaN(value) ? null : value * (SHOWN[series.unit]?.[1] ?? 1);
     });
   });
   return [times, ...columns];
@@ -124,7 +127,15 @@ function Chart({ unit, paths, zoom }) {
   useEffect(() => {
     const axis = { stroke: colour("text"), grid: { stroke: colour("grid") }, ticks: { stroke: colour("grid") } };
     const series = paths.map((path, index) => ({ label: path, stroke: COLOURS[index % COLOURS.length], width: 1.5, spanGaps: false }));
-    const time = { ...axis, values: (chart, splits) => splits.map((each) => (each - (chart.data[0][chart.data[0].length - 1] || 0)).toFixed(plot.window > 60 ? 0 : 1)) };
+    const newest = (chart) => chart.data[0][chart.data[0].length - 1] || 0;
+    // Round times before the newest sample.
+    const splits = (chart, index, least, most, step) => {
+      const found = [];
+      if (!(step > 0)) return found; // nothing is shown yet
+      for (let at = newest(chart) - step * Math.floor((newest(chart) - least) / step); at <= most; at += step) found.push(at);
+      return found;
+    };
+    const time = { ...axis, splits, values: (chart, splits) => splits.map((each) => `${Number((each - newest(chart)).toFixed(1)) || 0}`) };
     const chart = new window.uPlot({
       width: box.current.clientWidth, height: 240, cursor: { sync: { key: "panel" }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => zoom(null) } },
       hooks: { setSelect: [(drawn) => {
@@ -134,7 +145,7 @@ function Chart({ unit, paths, zoom }) {
         drawn.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
         zoom(range);
       }] },
-      scales: { x: { time: false } }, axes: [time, { ...axis, label: unit === "1" ? "" : unit, size: 60 }], legend: { live: true },
+      scales: { x: { time: false } }, axes: [time, { ...axis, label: unit === "1" ? "" : SHOWN[unit]?.[0] ?? unit, size: 60 }], legend: { live: true },
       series: [{ label: "s" , value: (self, value) => (value === null ? "–" : value.toFixed(2)) }, ...series],
     }, [[], ...paths.map(() => [])], box.current);
     let frame = null;
@@ -189,8 +200,23 @@ function choices() {
   return [...slots, ...devices];
 }
 
+/** The most telling slots, drawn when the page is shown for the first time: joints, or how a base drives, or sensors. */
+function telling() {
+  const { model } = store;
+  const joints = model.of("joint").filter((part) => part.goal.unit === "rad").slice(0, 4).map((part) => part.slotPath("val"));
+  const base = ["xSpeed", "yawSpeed"].filter((name) => model.robot.slot(name)?.readable).map((name) => `robot.${name}`);
+  const sensors = model.of("distance", "sensor").filter((part) => part.slot("val")?.kind === "number").slice(0, 3).map((part) => part.slotPath("val"));
+  return joints.length ? joints : base.length ? base : sensors;
+}
+
+let hasBegun = false;
+
 export function Plots() {
   useTopics("tree", "devices");
+  if (!hasBegun) {
+    hasBegun = true;
+    if (!plot.series.size) telling().forEach(addSeries);
+  }
   const [, setTurn] = useState(0);
   const again = () => setTurn((turn) => turn + 1);
   const [wanted, setWanted] = useState("");

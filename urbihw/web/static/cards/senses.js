@@ -5,7 +5,7 @@ import { connection } from "../js/connection.js";
 import { drawSlot, hearSamples } from "../js/samples.js";
 import { ask, isFull, mayDrive, showToast, store, useTopics } from "../js/store.js";
 import { rangeOf } from "../js/tree.js";
-import { Card, Live, LiveBar, SlotName, Switch, makeSender, useSlot } from "../js/ui.js";
+import { Card, Live, LiveBar, PartName, SlotName, Switch, makeSender, useSlot } from "../js/ui.js";
 
 /** Ask for the binary values of a slot, newest only; `take(header, data)` may be async: the next one comes after it. */
 function useBinary(slot, hz, take) {
@@ -91,7 +91,7 @@ export function Camera({ part }) {
       const { at, count, lost, size, rate } = came.current;
       const age = (performance.now() - at) / 1000;
       const isOff = isOn.current === false;
-      const none = isOff ? "switched off" : isOn.current ? "switched on, but no picture has come" : "no picture yet";
+      const none = isOff ? `switched off${isFull() ? ": switch it on above" : ""}` : isOn.current ? "switched on, but no picture has come: it may still start, or look at its address in the settings" : "no picture yet";
       line.current.textContent = !count ? none
         : `${size}, ${rate.toFixed(1)} pictures/s, ${age < 1 ? "now" : `${age.toFixed(0)} s old`}, ${lost} left out${isOff ? "; switched off" : ""}`;
       line.current.classList.toggle("bad", count > 0 && age > 2);
@@ -234,7 +234,7 @@ function Light({ part }) {
   useEffect(() => drawSlot(part.slotPath("val"), (value) => {
     if (input.current && !isHeld.current && typeof value === "number") input.current.value = value;
   }, 4), []);
-  return html`<li data-part=${part.path}><${SlotName} path=${part.slotPath("val")}>${part.title}<//>
+  return html`<li data-part=${part.path}><${PartName} part=${part} slot=${part.slotPath("val")} />
     <input type="range" ref=${input} min=${min} max=${max} step=${(max - min) / 100} disabled=${!mayDrive()} aria-label=${`brightness of ${part.title}`}
       onPointerDown=${() => (isHeld.current = true)} onPointerUp=${() => (isHeld.current = false)}
       onInput=${(event) => send.current(Number(event.target.value))} /></li>`;
@@ -275,7 +275,7 @@ function Touch({ part }) {
     lamp.className = `lamp ${isPressed ? "pressed" : ""}`;
     lamp.lastChild.textContent = isPressed ? "pressed" : "free";
   });
-  return html`<li data-part=${part.path}><${SlotName} path=${part.slotPath("val")}>${part.title}<//><span class="lamp" ref=${element}><i aria-hidden="true"></i><b class="live"></b></span></li>`;
+  return html`<li data-part=${part.path}><${PartName} part=${part} slot=${part.slotPath("val")} /><span class="lamp" ref=${element}><i aria-hidden="true"></i><b class="live"></b></span></li>`;
 }
 
 const SHOWN = ["val", "position", "x", "y", "z", "voltage", "current", "remain", "charging", "torque"];
@@ -283,7 +283,7 @@ const SHOWN = ["val", "position", "x", "y", "z", "voltage", "current", "remain",
 function Sensor({ part }) {
   const named = SHOWN.map((name) => part.slot(name)).filter((slot) => slot && slot.readable && slot.kind !== "binary" && slot.kind !== "object");
   const shown = (named.length ? named : part.readings).slice(0, 3);
-  return html`<li data-part=${part.path}><span>${part.title}</span><span class="readings">${shown.map((slot) => html`
+  return html`<li data-part=${part.path}><span><${PartName} part=${part} slot=${part.slotPath(shown[0]?.name ?? "val")} /></span><span class="readings">${shown.map((slot) => html`
     <${SlotName} path=${part.slotPath(slot.name)}><span class="what">${slot.name === "val" ? "" : slot.name}</span> <${Live} slot=${part.slotPath(slot.name)} unit=${slot.unit} /><//>
     ${slot.min !== null && slot.max !== null && html`<${LiveBar} slot=${part.slotPath(slot.name)} min=${slot.min} max=${slot.max} label=${`${part.title} ${slot.name}`} />`}`)}</span></li>`;
 }

@@ -22,6 +22,8 @@ export const store = {
   state: null,
   devices: [],
   model: null,
+  /** What people call parts, by their names for programs, where the figure tells it better than the tree. */
+  partWords: new Map(),
   output: [],
   log: [],
   happened: [],

@@ -32,6 +32,17 @@ export class Part {
     this.kind = found ? found[0] : "";
   }
 
+  /** What people call it, by its place in the tree: "left arm shoulder pitch", "back-right sonar", "joint 6". */
+  get words() {
+    const steps = this.node.path.replace(/^robot\.(body\.)?/, "").split(".");
+    return steps.map((step) => {
+      const name = step.replace(/\[.*$/, "").replace(/([a-z])([A-Z])/g, "$1 $2").toLowerCase();
+      const places = [...step.matchAll(/\["?([^\]"]*)"?\]/g)].map(([, place]) => place);
+      const words = [...new Set(places)].join("-");
+      return /^\d/.test(words) ? `${name} ${words}` : words ? `${words} ${name}` : name;
+    }).join(" ");
+  }
+
   has(name) {
     return this.interfaces.includes(name);
   }
@@ -80,6 +91,11 @@ export class Model {
 
   of(...kinds) {
     return this.parts.filter((part) => kinds.includes(part.kind));
+  }
+
+  /** Parts that turn, but for the two speeds of a base, which its pad has. */
+  get speeds() {
+    return this.of("speed").filter((part) => !(this.isMobile && ["x", "y", "yaw"].includes(part.node.name)));
   }
 
   get isMobile() {

@@ -2,7 +2,7 @@
 
 import { html, useEffect, useRef, useState } from "../vendor/htm-preact.js";
 import { drawSlot, hearSamples } from "./samples.js";
-import { ask } from "./store.js";
+import { ask, store } from "./store.js";
 
 /** A number with so many digits, and no sign before zero. */
 export const fixed = (value, digits) => value.toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1");
@@ -80,6 +80,13 @@ export function SlotName({ path, children }) {
   const drag = (event) => event.dataTransfer.setData("text/plain", path);
   return html`<span class="slot-name" draggable="true" onDragStart=${drag} title=${`${path}: drag it into a plot`}>
     ${children ?? path}</span>`;
+}
+
+/** What people call a part, and beside it the name by which programs call it. */
+export function PartName({ part, slot }) {
+  const words = store.partWords.get(part.path) || part.words;
+  const isSame = words.replace(/\W/g, "").toLowerCase() === part.title.replace(/[\W_]/g, "").toLowerCase();
+  return html`<${SlotName} path=${slot}>${isSame ? part.title : html`${words} <span class="code">${part.title}</span>`}<//>`;
 }
 
 /** Send values while a control moves: at most 20 in a second, the last one always. */
