@@ -16,6 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 ROOTS = (
     (".", "urbihw"), ("fakes", "urbihw_fakes"), ("packages/nao", "urbihw_nao"), ("packages/nao", "urbihw_nao_fakes"),
+    ("packages/lerobot", "lerobot_robot_urbihw"),
 )  # fmt: skip
 """Folder and package of all sources of the product."""
 
@@ -213,6 +214,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.platforms.streamed", "urbihw.platforms.teach", "urbihw.platforms.words",
     ),  # fmt: skip
     "urbihw_nao_fakes": ("urbihw_fakes",),
+    # LeRobot's view of a robot: a client, as each neighbour.
+    "lerobot_robot_urbihw": ("urbihw", "urbihw.client"),
     # The ways in.  "urbihw.kernel" alone is its door, Kernel; "urbihw.platforms" alone is the loader.
     "urbihw.daemon": (
         "urbihw.release",
@@ -308,6 +311,7 @@ LIBRARIES: dict[str, str] = {
     "lark": "urbihw.kernel.syntax",
     "serial": "urbihw.buses",
     "mcp": "urbihw.neighbours.assistant",
+    "lerobot": "lerobot_robot_urbihw",
 }
 
 BYTES_ONLY = ("packet.py", "protocol.py", "framing.py", "remote.py", "crc.py")
