@@ -246,9 +246,11 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     # What other people's programs see of a robot: clients of the daemon, each with a package of its own from outside.
     "urbihw.neighbours": ("urbihw.client", "urbihw.extras"),
     "urbihw.neighbours.assistant": ("urbihw.client", "urbihw.extras"),
+    "urbihw.neighbours.notebook": ("urbihw.client", "urbihw.kernel.syntax"),
     "urbihw.cli": (
         "urbihw.release",
         "urbihw.neighbours.assistant",
+        "urbihw.neighbours.notebook",
         # To look at a simulated world.
         "urbihw.platforms.scene",
         # The rule for the names of motions, checked before a server is asked.
@@ -311,6 +313,7 @@ LIBRARIES: dict[str, str] = {
     "lark": "urbihw.kernel.syntax",
     "serial": "urbihw.buses",
     "mcp": "urbihw.neighbours.assistant",
+    "ipykernel": "urbihw.neighbours.notebook",
     "lerobot": "lerobot_robot_urbihw",
 }
 

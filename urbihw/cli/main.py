@@ -36,6 +36,7 @@ COMMANDS: Final = {
     "drive": "drive a robot by the keyboard or a gamepad",
     "panel": "serve the panel for browsers; pair, list and remove browsers",
     "mcp": "serve a robot to an assistant (MCP)",
+    "jupyter": "make notebooks in urbiscript known to Jupyter",
     "view": "show the simulated world of a robot in a window",
     "film": "make a film of a script in a simulated world",
     "stubs": "write a typed Python module of a robot, for editors",

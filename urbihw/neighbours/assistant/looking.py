@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 from collections import deque
-from io import BytesIO
 from typing import Any, Final
 
 from urbihw.client.aio import AsyncRobot
@@ -17,7 +16,6 @@ from urbihw.neighbours.assistant.acting import CONNECT_TIMEOUT_S, Actor, OrderRe
 MAX_SLOTS: Final = 64
 MAX_LOG_LINES: Final = 20
 PICTURE_TIMEOUT_S: Final = 5.0
-JPEG_QUALITY: Final = 80
 
 
 class Watcher:
@@ -100,20 +98,9 @@ class Watcher:
 
 def jpeg_of(shot: Picture) -> bytes:
     """A picture as jpeg.  Raises OrderRefused."""
-    if shot.format == "jpeg":
-        return bytes(shot.data)
     try:
-        from PIL import Image
+        return shot.encoded("jpeg")
     except ImportError:
         raise OrderRefused(f"pictures of the format {shot.format} need Pillow: {install_command('images')}") from None
-    out = BytesIO()
-    if shot.format in ("ppm", "png"):
-        Image.open(BytesIO(shot.data)).convert("RGB").save(out, "JPEG", quality=JPEG_QUALITY)
-    else:
-        mode = {"rgb": "RGB", "ycbcr": "YCbCr", "grey8": "L"}.get(shot.format)
-        if mode is None:
-            raise OrderRefused(f"pictures of the format {shot.format} cannot be shown")
-        Image.frombytes(mode, (shot.width, shot.height), shot.data).convert("RGB").save(
-            out, "JPEG", quality=JPEG_QUALITY
-        )
-    return out.getvalue()
+    except (OSError, ValueError) as error:
+        raise OrderRefused(str(error)) from None
