@@ -245,11 +245,14 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.recording": ("urbihw.buses", "urbihw.control_line", "urbihw.backoff", "urbihw.extras", "urbihw.settings"),
     # What other people's programs see of a robot: clients of the daemon, each with a package of its own from outside.
     "urbihw.neighbours": ("urbihw.client", "urbihw.extras"),
-    "urbihw.neighbours.assistant": ("urbihw.client", "urbihw.extras"),
+    "urbihw.neighbours.assistant": ("urbihw.client", "urbihw.extras", "urbihw.neighbours"),
+    "urbihw.neighbours.home": ("urbihw.backoff", "urbihw.client", "urbihw.neighbours"),
     "urbihw.neighbours.notebook": ("urbihw.client", "urbihw.kernel.syntax"),
     "urbihw.cli": (
         "urbihw.release",
+        "urbihw.neighbours",
         "urbihw.neighbours.assistant",
+        "urbihw.neighbours.home",
         "urbihw.neighbours.notebook",
         # To look at a simulated world.
         "urbihw.platforms.scene",
@@ -314,6 +317,7 @@ LIBRARIES: dict[str, str] = {
     "serial": "urbihw.buses",
     "mcp": "urbihw.neighbours.assistant",
     "ipykernel": "urbihw.neighbours.notebook",
+    "aiomqtt": "urbihw.neighbours.home",
     "lerobot": "lerobot_robot_urbihw",
 }
 

@@ -5,7 +5,10 @@ tells hold for it as for any client.  None opens a wire, none has a way of its o
 extra, so that the base install stays small.
 
 - ``assistant``: assistants (MCP), ``urbihw mcp``;
-- ``notebook``: a kernel of Jupyter, ``urbihw jupyter``.
+- ``notebook``: a kernel of Jupyter, ``urbihw jupyter``;
+- ``home``: Home Assistant and others, by MQTT, ``urbihw mqtt``.
+
+``orders`` is how those of them move a robot that do it for somebody else.
 
 May import the client library, how an extra is installed, and the parser of urbiscript; never another part of the
 kernel, a bus, a platform or the daemon.

@@ -11,7 +11,7 @@ from urbihw.client.aio import AsyncRobot
 from urbihw.client.literals import checked_path, string_literal
 from urbihw.client.media import Picture
 from urbihw.extras import install_command
-from urbihw.neighbours.assistant.acting import CONNECT_TIMEOUT_S, Actor, OrderRefused, note, short, values
+from urbihw.neighbours.orders import CONNECT_TIMEOUT_S, OrderGiver, OrderRefused, note, short, values
 
 MAX_SLOTS: Final = 64
 MAX_LOG_LINES: Final = 20
@@ -21,7 +21,7 @@ PICTURE_TIMEOUT_S: Final = 5.0
 class Watcher:
     """Looks at a robot for assistants."""
 
-    def __init__(self, actor: Actor) -> None:
+    def __init__(self, actor: OrderGiver) -> None:
         self._actor = actor
         self._robot: AsyncRobot | None = None
         self._opening = asyncio.Lock()
