@@ -10,6 +10,7 @@
 #   make mutants sabotages of the sources that the tests must notice; ARGS=engine.py for some of them
 #   make hostile all attacks of tests/hostile, beside a neighbour; ARGS="regexp TLS" for some of them
 #   make witnesses  pypot and lerobot talk to the simulated servos; they are installed beside .venv's packages (2 GB)
+#   make lerobot LEROBOT_PYTHON=python3.13  LeRobot itself records two simulated arms (6 GB, in .venv/lerobot)
 #   make soak    half an hour of mixed work and faults; memory must stay as it is
 #   make deb     the Debian package, in build/deb (on Debian 12 or later; `apt build-dep .` installs what that takes)
 #   make clean   forget the environment and all caches
@@ -21,6 +22,7 @@
 unexport PYTHONDONTWRITEBYTECODE
 
 PYTHON ?= python3
+LEROBOT_PYTHON ?= python3
 VENV_FLAGS ?=
 ARGS ?=
 PLATFORM ?= bioloid
@@ -29,7 +31,7 @@ BIN = .venv/bin
 PIP = $(BIN)/python -m pip --disable-pip-version-check install --quiet --no-compile
 
 .PHONY: run test lint types check compile simulated real-time again \
-  long bench small-board fuzz mutants hostile witnesses soak deb clean
+  long bench small-board fuzz mutants hostile witnesses lerobot soak deb clean
 
 run: .venv/installed $(if $(filter webots,$(PLATFORM)),.venv/installed-mujoco)
 	$(BIN)/urbihw serve --platform $(PLATFORM) $(if $(filter webots,$(PLATFORM)),,--fake) $(if $(PANEL),--web) $(ARGS)
@@ -104,6 +106,11 @@ witnesses: .venv/installed-dev
 	$(PIP) --upgrade --target .venv/witnesses 'pypot>=5,<6' 'lerobot[feetech]>=0.4,<0.5'
 	PYTHONPATH=.venv/witnesses $(PYTEST) tests/fakes/test_more_witnesses.py $(ARGS)
 
+lerobot:
+	$(LEROBOT_PYTHON) -m venv .venv/lerobot
+	.venv/lerobot/bin/pip --disable-pip-version-check install --quiet 'lerobot[dataset,viz]>=0.6,<0.7' deepdiff . ./packages/lerobot
+	.venv/lerobot/bin/python bench/lerobot_record.py $(ARGS)
+
 soak: .venv/installed-dev
 	$(BIN)/python -m bench.soak $(ARGS)
 
@@ -121,11 +128,11 @@ clean:
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache build dist *.egg-info packages/*/*.egg-info packages/*/build
 	find urbihw fakes packages tests bench -name __pycache__ -prune -exec rm -rf {} +
 
-# The finder that setuptools installs, since the packages are in two folders, takes 12 ms of each start of Python.
+# The finder that setuptools installs, since packages are in several folders, takes 12 ms of each start of Python.
 FIND_BY_FOLDER = for file in .venv/lib/python3*/site-packages/__editable__.urbihw-*.pth; do \
   printf '%s\n' '$(CURDIR)' '$(CURDIR)/fakes' >"$$file"; done; \
-  for file in .venv/lib/python3*/site-packages/__editable__.urbihw_nao-*.pth; do \
-  printf '%s\n' '$(CURDIR)/packages/nao' >"$$file"; done
+  for name in nao lerobot; do for file in .venv/lib/python3*/site-packages/__editable__.*$$name*.pth; do \
+  [ ! -e "$$file" ] || printf '%s\n' "$(CURDIR)/packages/$$name" >"$$file"; done; done
 
 .venv/made:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
@@ -148,7 +155,7 @@ FIND_BY_FOLDER = for file in .venv/lib/python3*/site-packages/__editable__.urbih
 	@$(FIND_BY_FOLDER)
 	@touch $@
 
-.venv/installed-dev: .venv/made pyproject.toml packages/nao/pyproject.toml
-	$(PIP) -e '.[dev]' -e 'packages/nao[libqi]'
+.venv/installed-dev: .venv/made pyproject.toml $(wildcard packages/*/pyproject.toml)
+	$(PIP) -e '.[dev]' -e 'packages/nao[libqi]' -e packages/lerobot
 	@$(FIND_BY_FOLDER)
 	@touch .venv/installed .venv/installed-mujoco $@

@@ -65,7 +65,7 @@ def pypots(path: str) -> int:
 
 def lerobots(path: str) -> int:
     """Search all speeds with LeRobot's Feetech bus."""
-    from lerobot.motors.feetech import FeetechMotorsBus  # type: ignore[import-not-found]
+    from lerobot.motors.feetech import FeetechMotorsBus
 
     found: dict[int, Any] = FeetechMotorsBus.scan_port(path)
     return sum(len(ids) for ids in found.values())

@@ -64,10 +64,13 @@ def test_the_version_is_that_of_a_copy_without_git() -> None:
 
 def test_the_wheels_beside_urbihw_are_in_the_package_and_need_nothing_else() -> None:
     rules = (DEBIAN / "rules").read_text()
-    assert [project["project"]["name"] for project in WHEELS] == ["urbihw-nao"]
+    robots = [project for project in WHEELS if "urbihw.platforms" in project["project"].get("entry-points", {})]
+    assert [project["project"]["name"] for project in robots] == ["urbihw-nao"]
+    # The other one works in an environment with LeRobot, of which Debian has no package.
+    assert {project["project"]["name"] for project in WHEELS} == {"urbihw-nao", "lerobot_robot_urbihw"}
     for step in ("build", "install", "clean"):
         assert f"dh_auto_{step} $(NAO_SOURCES)" in rules
-    assert all(project["project"]["dependencies"] == ["urbihw"] for project in WHEELS)
+    assert all(project["project"]["dependencies"] == ["urbihw"] for project in robots)
 
 
 def test_the_dependencies_are_those_of_the_project_and_those_of_usb() -> None:

@@ -16,6 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 
 ROOTS = (
     (".", "urbihw"), ("fakes", "urbihw_fakes"), ("packages/nao", "urbihw_nao"), ("packages/nao", "urbihw_nao_fakes"),
+    ("packages/lerobot", "lerobot_robot_urbihw"),
 )  # fmt: skip
 """Folder and package of all sources of the product."""
 
@@ -219,6 +220,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
         "urbihw.platforms.streamed", "urbihw.platforms.teach", "urbihw.platforms.words",
     ),  # fmt: skip
     "urbihw_nao_fakes": ("urbihw_fakes",),
+    # LeRobot's view of a robot: a client, as each neighbour.
+    "lerobot_robot_urbihw": ("urbihw", "urbihw.client"),
     # The ways in.  "urbihw.kernel" alone is its door, Kernel; "urbihw.platforms" alone is the loader.
     "urbihw.daemon": (
         "urbihw.release",
@@ -251,10 +254,15 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "urbihw.recording": ("urbihw.buses", "urbihw.control_line", "urbihw.backoff", "urbihw.extras", "urbihw.settings"),
     # What other people's programs see of a robot: clients of the daemon, each with a package of its own from outside.
     "urbihw.neighbours": ("urbihw.client", "urbihw.extras"),
-    "urbihw.neighbours.assistant": ("urbihw.client", "urbihw.extras"),
+    "urbihw.neighbours.assistant": ("urbihw.client", "urbihw.extras", "urbihw.neighbours"),
+    "urbihw.neighbours.home": ("urbihw.backoff", "urbihw.client", "urbihw.neighbours"),
+    "urbihw.neighbours.notebook": ("urbihw.client", "urbihw.kernel.syntax"),
     "urbihw.cli": (
         "urbihw.release",
+        "urbihw.neighbours",
         "urbihw.neighbours.assistant",
+        "urbihw.neighbours.home",
+        "urbihw.neighbours.notebook",
         # To look at a simulated world.
         "urbihw.platforms.scene",
         # The rule for the names of motions, checked before a server is asked.
@@ -342,6 +350,9 @@ LIBRARIES: dict[str, str] = {
     "serial": "urbihw.buses",
     "mcp": "urbihw.neighbours.assistant",
     "zenoh": "urbihw.fleets",
+    "ipykernel": "urbihw.neighbours.notebook",
+    "aiomqtt": "urbihw.neighbours.home",
+    "lerobot": "lerobot_robot_urbihw",
 }
 
 BYTES_ONLY = ("packet.py", "protocol.py", "framing.py", "remote.py", "crc.py")

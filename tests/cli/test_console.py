@@ -16,7 +16,6 @@ from kernel_socket import HERE, NOBODY, KernelSocket, serve
 from pygments.token import Comment, Error, Keyword, Name, Number, String  # type: ignore[import-untyped]
 
 from urbihw.cli.console import address, plain
-from urbihw.cli.console.assistant import Assistant, Description, KnownName, NoAnswer, strings, written
 from urbihw.cli.console.colours import painted
 from urbihw.cli.console.completion import candidates
 from urbihw.cli.console.help import described, keys_text
@@ -25,6 +24,7 @@ from urbihw.cli.console.screen import asked_help, depth, ends_session, history, 
 from urbihw.cli.console.session import ConsoleSession
 from urbihw.cli.main import main
 from urbihw.cli.options import CliRefused
+from urbihw.client.assistant import Assistant, Description, KnownName, NoAnswer, strings, written
 from urbihw.client.credentials import Credentials
 from urbihw.client.lines import Line, Lines
 from urbihw.client.subject import Subject, open_call, subject, whole_path

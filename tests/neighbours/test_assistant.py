@@ -19,6 +19,7 @@ from urbihw.client.credentials import Credentials
 from urbihw.client.where import Where
 from urbihw.neighbours.assistant.server import make_server
 from urbihw.neighbours.assistant.settings import AssistantSettings
+from urbihw.neighbours.orders import OrderSettings
 
 pytestmark = pytest.mark.e2e
 
@@ -50,7 +51,9 @@ def lan(tmp_path: Path) -> Iterator[Lan]:
 
 def assisted(lan: Lan, steps: Steps, role: str = "drive", asks: bool = True, **options: Any) -> None:
     """Let an assistant of some name do its steps."""
-    settings = AssistantSettings(Where("127.0.0.1", lan.plain_port, False), Credentials(), role, asks)
+    settings = AssistantSettings(
+        OrderSettings(Where("127.0.0.1", lan.plain_port, False), Credentials(), "assistant"), role, asks
+    )
 
     async def use() -> None:
         server = make_server(settings)

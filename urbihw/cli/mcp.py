@@ -13,6 +13,7 @@ from urbihw.cli.reach import add_server, credentials, server
 from urbihw.exitcodes import EX_CONFIG, EX_OK, INTERRUPTED
 from urbihw.extras import install_command
 from urbihw.neighbours.assistant.settings import ROLES, AssistantSettings
+from urbihw.neighbours.orders import OrderSettings
 
 
 def options(parser: argparse.ArgumentParser) -> None:
@@ -36,7 +37,9 @@ def run(options: argparse.Namespace) -> int:
         from urbihw.neighbours.assistant.server import make_server
     except ImportError:
         return complain("urbihw mcp", CliRefused(f"it needs the extra mcp: {install_command('mcp')}", EX_CONFIG))
-    settings = AssistantSettings(where, credentials(options), options.role, options.ask, options.lease)
+    settings = AssistantSettings(
+        OrderSettings(where, credentials(options), "assistant", options.lease), options.role, options.ask
+    )
     code = EX_OK
     try:
         make_server(settings).run("stdio")

@@ -13,7 +13,7 @@ threads), ``iterators``, ``leases``, ``objects`` and ``robot`` (what programs se
 the console ``aio_connection``.
 
 Beside them: ``driving`` (a base by repeated orders), ``interrupts`` (Ctrl-C), ``latch`` (the file of an emergency
-stop), ``stubs`` (typed modules of robots), ``subject`` (what is completed).
+stop), ``stubs`` (typed modules of robots), ``subject`` (what is completed) and ``assistant`` (with which names).
 
 May import nothing of urbihw but ``started``: the commands and the remote devices both use it.
 """

@@ -14,6 +14,9 @@ from urbihw.client.lines import Binary
 ENCODED: Final = ("jpeg", "ppm", "png")
 _BANDS: Final = {"rgb": 3, "ycbcr": 3, "grey8": 1}
 
+_MODES: Final = {"rgb": "RGB", "ycbcr": "YCbCr", "grey8": "L"}
+"""Format -> the mode of Pillow with the same bytes."""
+
 
 class Blob:
     """A Binary: ``data``, the bytes, and ``keywords``, what they are."""
@@ -79,6 +82,32 @@ class Picture(Blob):
     def _repr_jpeg_(self) -> bytes | None:
         """The picture in a notebook."""
         return self.data if self.format == "jpeg" else None
+
+    def _repr_png_(self) -> bytes | None:
+        """The picture in a notebook, if it is no jpeg."""
+        try:
+            return None if self.format == "jpeg" else self.encoded("png")
+        except (ImportError, OSError, ValueError):
+            return None
+
+    def encoded(self, kind: str) -> bytes:
+        """The picture as a file of the kind ``jpeg`` or ``png``.  Raises ImportError without Pillow, ValueError for a
+        broken picture or a format without one."""
+        if self.format == kind:
+            return self.data
+        import io
+
+        from PIL import Image
+
+        out = io.BytesIO()
+        if self.format in ENCODED:
+            image: Image.Image = Image.open(io.BytesIO(self.data))
+        elif self.format in _MODES:
+            image = Image.frombytes(_MODES[self.format], (self.width, self.height), self.data)
+        else:
+            raise ValueError(f"pictures of the format {self.format} cannot be shown")
+        image.convert("RGB").save(out, kind.upper())
+        return out.getvalue()
 
 
 class Sound(Blob):

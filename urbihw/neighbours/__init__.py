@@ -4,7 +4,12 @@ Each is a client of the daemon, by the client library: so limits, leases, emerge
 tells hold for it as for any client.  None opens a wire, none has a way of its own into the kernel, and each needs an
 extra, so that the base install stays small.
 
-- ``assistant``: assistants (MCP), ``urbihw mcp``.
+- ``assistant``: assistants (MCP), ``urbihw mcp``;
+- ``notebook``: a kernel of Jupyter, ``urbihw jupyter``;
+- ``home``: Home Assistant and others, by MQTT, ``urbihw mqtt``.
 
-May import the client library, and how an extra is installed; never the kernel, a bus, a platform or the daemon.
+``orders`` is how those of them move a robot that do it for somebody else.
+
+May import the client library, how an extra is installed, and the parser of urbiscript; never another part of the
+kernel, a bus, a platform or the daemon.
 """

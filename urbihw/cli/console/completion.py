@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import AsyncGenerator, Iterable, Sequence
 from typing import Final
 
 from prompt_toolkit.completion import CompleteEvent, Completer, Completion
 from prompt_toolkit.document import Document
 
-from urbihw.cli.console.assistant import Assistant, KnownName, NoAnswer
 from urbihw.cli.console.session import ConsoleSession
+from urbihw.client.assistant import Assistant, KnownName, NoAnswer, fitting
 from urbihw.client.subject import Subject, subject
 from urbihw.kernel.stages import WORDS
 
 COMMANDS: Final = ("help",)
 LANGUAGE: Final = "3"
 """The rank of the words of the language: they stand with what every object has."""
-_IDENTIFIER: Final = re.compile(r"[A-Za-z_]\w*")
 
 
 class LiveCompleter(Completer):
@@ -52,7 +50,7 @@ class LiveCompleter(Completer):
 
 
 def candidates(wanted: Subject, names: Sequence[KnownName], *, first: bool) -> list[KnownName]:
-    """The names to offer, those that the user looks for first; hidden ones (``_x``) only after a typed ``_``.
+    """The names to offer, and the words of the language.
 
     ``names`` come from the assistant; ``first``: no path precedes the name.
     """
@@ -60,17 +58,4 @@ def candidates(wanted: Subject, names: Sequence[KnownName], *, first: bool) -> l
     if not wanted.path:
         for word in (*WORDS, *(COMMANDS if first else ())):
             offered.setdefault(word, KnownName(word, LANGUAGE, ""))
-    hidden = wanted.prefix.startswith("_")
-    fitting = [
-        each
-        for each in offered.values()
-        if each.name.startswith(wanted.prefix)
-        and _IDENTIFIER.fullmatch(each.name)
-        and (hidden or not each.name.startswith("_"))
-    ]
-    return sorted(fitting, key=lambda each: (each.rank, natural(each.name), each.name))
-
-
-def natural(name: str) -> list[tuple[int, str]]:
-    """A key that sorts ``motor2`` before ``motor10``, whatever the case."""
-    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name.lower())]
+    return fitting(wanted, offered.values())

@@ -9,7 +9,7 @@ from typing import Final
 
 from prompt_toolkit.formatted_text import AnyFormattedText, FormattedText
 
-from urbihw.cli.console.assistant import Description
+from urbihw.client.assistant import Description
 
 INTRODUCTION: Final = "what you type goes to the server when it ends with ; (and wait) or , (in the background)"
 KEYS: Final = (

@@ -20,7 +20,6 @@ from prompt_toolkit.history import FileHistory, History, InMemoryHistory
 from prompt_toolkit.key_binding import KeyBindings, KeyPressEvent
 from prompt_toolkit.lexers import PygmentsLexer
 
-from urbihw.cli.console.assistant import Assistant, NoAnswer
 from urbihw.cli.console.colours import STYLE, highlighted, painted
 from urbihw.cli.console.completion import LiveCompleter
 from urbihw.cli.console.help import described, keys_text
@@ -28,6 +27,7 @@ from urbihw.cli.console.lexer import UrbiscriptLexer
 from urbihw.cli.console.prompt_printer import PromptPrinter
 from urbihw.cli.console.session import ConsoleSession
 from urbihw.cli.options import CliRefused
+from urbihw.client.assistant import Assistant, NoAnswer
 from urbihw.client.credentials import Credentials
 from urbihw.client.lines import Line
 from urbihw.client.subject import Step, open_call, whole_path

@@ -5,25 +5,23 @@ from __future__ import annotations
 import asyncio
 import json
 from collections import deque
-from io import BytesIO
 from typing import Any, Final
 
 from urbihw.client.aio import AsyncRobot
 from urbihw.client.literals import checked_path, string_literal
 from urbihw.client.media import Picture
 from urbihw.extras import install_command
-from urbihw.neighbours.assistant.acting import CONNECT_TIMEOUT_S, Actor, OrderRefused, note, short, values
+from urbihw.neighbours.orders import CONNECT_TIMEOUT_S, OrderGiver, OrderRefused, note, short, values
 
 MAX_SLOTS: Final = 64
 MAX_LOG_LINES: Final = 20
 PICTURE_TIMEOUT_S: Final = 5.0
-JPEG_QUALITY: Final = 80
 
 
 class Watcher:
     """Looks at a robot for assistants."""
 
-    def __init__(self, actor: Actor) -> None:
+    def __init__(self, actor: OrderGiver) -> None:
         self._actor = actor
         self._robot: AsyncRobot | None = None
         self._opening = asyncio.Lock()
@@ -100,20 +98,9 @@ class Watcher:
 
 def jpeg_of(shot: Picture) -> bytes:
     """A picture as jpeg.  Raises OrderRefused."""
-    if shot.format == "jpeg":
-        return bytes(shot.data)
     try:
-        from PIL import Image
+        return shot.encoded("jpeg")
     except ImportError:
         raise OrderRefused(f"pictures of the format {shot.format} need Pillow: {install_command('images')}") from None
-    out = BytesIO()
-    if shot.format in ("ppm", "png"):
-        Image.open(BytesIO(shot.data)).convert("RGB").save(out, "JPEG", quality=JPEG_QUALITY)
-    else:
-        mode = {"rgb": "RGB", "ycbcr": "YCbCr", "grey8": "L"}.get(shot.format)
-        if mode is None:
-            raise OrderRefused(f"pictures of the format {shot.format} cannot be shown")
-        Image.frombytes(mode, (shot.width, shot.height), shot.data).convert("RGB").save(
-            out, "JPEG", quality=JPEG_QUALITY
-        )
-    return out.getvalue()
+    except (OSError, ValueError) as error:
+        raise OrderRefused(str(error)) from None

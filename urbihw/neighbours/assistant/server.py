@@ -16,9 +16,9 @@ from mcp.types import ToolAnnotations
 from pydantic import BaseModel, Field
 
 from urbihw.client.errors import ClientError
-from urbihw.neighbours.assistant.acting import Actor, OrderRefused, short
 from urbihw.neighbours.assistant.looking import Watcher
 from urbihw.neighbours.assistant.settings import AssistantSettings
+from urbihw.neighbours.orders import OrderGiver, OrderRefused, short
 
 INSTRUCTIONS: Final = (
     "A real robot. Look before you move it, and say what you are going to do. Units are SI. Each movement ends with "
@@ -86,7 +86,7 @@ def _check(answer: ElicitationResult[Consent]) -> None:
 
 def make_server(settings: AssistantSettings) -> MCPServer:
     """The server for one assistant."""
-    actor = Actor(settings)
+    actor = OrderGiver(settings.orders)
     watcher = Watcher(actor)
 
     @asynccontextmanager
@@ -153,7 +153,7 @@ def _add_looks(server: MCPServer, watcher: Watcher) -> None:
         return "stopped, and held until a person releases it (urbihw release)"
 
 
-def _add_joints(server: MCPServer, actor: Actor, questions: _Questions) -> None:
+def _add_joints(server: MCPServer, actor: OrderGiver, questions: _Questions) -> None:
     async def agreed(goals: dict[str, Number], ctx: Context) -> Asked:
         return questions.ask(ctx, f"Move {', '.join(f'{joint} to {goal:g}' for joint, goal in goals.items())}?")
 
@@ -170,7 +170,7 @@ def _add_joints(server: MCPServer, actor: Actor, questions: _Questions) -> None:
         return await _answer(actor.move(_name(ctx), goals, speed, seconds))
 
 
-def _add_base(server: MCPServer, actor: Actor, questions: _Questions) -> None:
+def _add_base(server: MCPServer, actor: OrderGiver, questions: _Questions) -> None:
     async def agreed(x: Number, y: Number, ctx: Context) -> Asked:
         return questions.ask(ctx, f"Drive to x = {x:g} m, y = {y:g} m?")
 
@@ -190,7 +190,7 @@ def _add_base(server: MCPServer, actor: Actor, questions: _Questions) -> None:
         return await _answer(actor.go(_name(ctx), x, y, heading, frame == "ahead", seconds))
 
 
-def _add_motions(server: MCPServer, actor: Actor, questions: _Questions) -> None:
+def _add_motions(server: MCPServer, actor: OrderGiver, questions: _Questions) -> None:
     async def agreed(name: str, ctx: Context) -> Asked:
         return questions.ask(ctx, f"Play {name}?")
 
@@ -208,7 +208,7 @@ def _add_motions(server: MCPServer, actor: Actor, questions: _Questions) -> None
         return await _answer(actor.play(_name(ctx), name, speed, kind == "pose", seconds))
 
 
-def _add_language(server: MCPServer, actor: Actor, questions: _Questions) -> None:
+def _add_language(server: MCPServer, actor: OrderGiver, questions: _Questions) -> None:
     async def agreed(text: str, ctx: Context) -> Asked:
         return questions.ask(ctx, f"Run this program? {text}")
 

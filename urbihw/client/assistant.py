@@ -1,4 +1,4 @@
-"""The queries of the console itself: names to complete, descriptions, interruption.
+"""The queries of a console or an editor itself: names to complete, descriptions, interruption.
 
 They use a connection of their own, opened on first use, so that they are answered while a statement of the user runs,
 and leave no trace in the user's lobby.  The queries are functions of ``assistant.u``.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from typing import Final, NamedTuple
@@ -18,12 +18,13 @@ from urbihw.client.credentials import Credentials
 from urbihw.client.dialect import Native, sent
 from urbihw.client.errors import ClientError, TimedOut, UrbiError
 from urbihw.client.lines import Line, guarded
-from urbihw.client.subject import Step
+from urbihw.client.subject import Step, Subject
 from urbihw.client.where import Where
 
 TIMEOUT_S: Final = 1.0
 """Maximum seconds for an answer; users do not wait longer for a completion."""
 
+_IDENTIFIER: Final = re.compile(r"[A-Za-z_]\w*")
 _STRING: Final = re.compile(r'"((?:[^"\\]|\\.)*)"', re.DOTALL)
 _ESCAPE: Final = re.compile(r"\\(x[0-9a-fA-F]{2}|.)", re.DOTALL)
 _LETTERS: Final = {"n": "\n", "t": "\t", "r": "\r", "a": "\a", "b": "\b", "f": "\f", "v": "\v"}
@@ -114,6 +115,24 @@ class Assistant:
         if self._link is not None:
             self._link.close()
             self._link = None
+
+
+def fitting(wanted: Subject, names: Iterable[KnownName]) -> list[KnownName]:
+    """The names to offer, those that the user looks for first; hidden ones (``_x``) only after a typed ``_``."""
+    hidden = wanted.prefix.startswith("_")
+    found = [
+        each
+        for each in names
+        if each.name.startswith(wanted.prefix)
+        and _IDENTIFIER.fullmatch(each.name)
+        and (hidden or not each.name.startswith("_"))
+    ]
+    return sorted(found, key=lambda each: (each.rank, natural(each.name), each.name))
+
+
+def natural(name: str) -> list[tuple[int, str]]:
+    """A key that sorts ``motor2`` before ``motor10``, whatever the case."""
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name.lower())]
 
 
 def quoted(text: str) -> str:

@@ -1,7 +1,7 @@
-"""Orders of an assistant.
+"""Orders for a robot that somebody gives by another program: an assistant, a home.
 
-Each has a connection of its own with a lease: so nothing moves on when the request is given up, when the assistant or
-this process is killed or held, or when the order has ended; and two orders do not end each other.
+Each has a connection of its own with a lease: so nothing moves on when the request is given up, when the other program
+or this process is killed or held, or when the order has ended; and two orders do not end each other.
 """
 
 from __future__ import annotations
@@ -9,15 +9,17 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import AsyncIterator, Mapping
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from urbihw.client.aio import AsyncRobot
 from urbihw.client.aio_connection import AsyncConnection
-from urbihw.client.errors import TimedOut
+from urbihw.client.credentials import Credentials
+from urbihw.client.errors import TimedOut, UrbiError
 from urbihw.client.literals import literal, string_literal, written_path
 from urbihw.client.session import message_of
-from urbihw.neighbours.assistant.settings import SPEEDS, AssistantSettings
+from urbihw.client.where import Where
 
 CONNECT_TIMEOUT_S: Final = 10.0
 MAX_ORDERS: Final = 4
@@ -25,7 +27,7 @@ MAX_ORDERS: Final = 4
 MAX_SAID: Final = 5
 """Lines that the robot says meanwhile, of which the last are passed on."""
 MAX_TEXT: Final = 300
-"""Characters of a text of the robot that are passed on: it may be written by anybody, for the assistant to read."""
+"""Characters of a text of the robot that are passed on: it may be written by anybody, for an assistant to read."""
 DIGITS: Final = 4
 MAX_JOINTS: Final = 64
 SETTLE_HZ: Final = 20
@@ -38,8 +40,31 @@ MAX_NOTE: Final = 190
 MAX_NAME: Final = 60
 
 
+SPEEDS: Final[Mapping[str, float]] = {"rad": 1.0, "deg": 57.3, "turn": 0.16, "m": 0.1}
+"""Greatest speed of a joint on its way, by the unit of its goal, each in a second."""
+
+
+@dataclass(frozen=True)
+class OrderSettings:
+    """Whose orders these are.
+
+    Attributes:
+        where: the daemon.
+        credentials: those for a daemon that wants a token.
+        kind: what gives them, in one word, for the log: assistant, home.
+        lease: seconds after which what is moved stands when this process is held.
+        speeds: greatest speeds of joints by their unit.
+    """
+
+    where: Where
+    credentials: Credentials
+    kind: str
+    lease: float = 1.0
+    speeds: Mapping[str, float] = field(default_factory=lambda: SPEEDS)
+
+
 class OrderRefused(Exception):
-    """An order that this assistant may not give, or that makes no sense; the text is for the assistant."""
+    """An order that may not be given, or that makes no sense; the text is for who has given it."""
 
 
 def short(text: object) -> str:
@@ -49,20 +74,20 @@ def short(text: object) -> str:
 
 
 def plain(text: str, most: int) -> str:
-    """A text of the assistant in so many letters at most that urbiscript and the log can have: ASCII, in one line."""
+    """A text of another program in so many letters at most that urbiscript and the log can have: ASCII, in one line."""
     line = "".join(each if each.isprintable() else " " for each in text)
     return line.encode("ascii", "backslashreplace")[:most].decode()
 
 
-class Actor:
-    """Gives the orders of an assistant of this name to a robot."""
+class OrderGiver:
+    """Gives orders to a robot; ``name`` is that of the other program."""
 
-    def __init__(self, settings: AssistantSettings) -> None:
+    def __init__(self, settings: OrderSettings) -> None:
         self.settings = settings
         self._running = 0
 
     async def dial(self, name: str, said: deque[str], reconnect: bool = False) -> AsyncRobot:
-        """A connection that bears the name of the assistant; ``said`` gets what the robot says.  Raises ClientError."""
+        """A connection with the name of the other program; ``said`` gets what the robot says.  Raises ClientError."""
         settings = self.settings
         connection = AsyncConnection(
             settings.where, settings.credentials, CONNECT_TIMEOUT_S, reconnect,
@@ -70,8 +95,12 @@ class Actor:
         )  # fmt: skip
         await connection.open()
         robot = AsyncRobot(connection, deque())
-        await robot.run(f"lobby.introduce({string_literal(label(name))})|;", timeout=CONNECT_TIMEOUT_S)
+        await robot.run(f"lobby.introduce({string_literal(self.label(name))})|;", timeout=CONNECT_TIMEOUT_S)
         return robot
+
+    def label(self, name: str) -> str:
+        """The name of the connections for another program."""
+        return f"{plain(name, MAX_NAME).strip() or 'unnamed'} ({self.settings.kind})"
 
     @asynccontextmanager
     async def order(self, name: str, words: str) -> AsyncIterator[tuple[AsyncRobot, deque[str]]]:
@@ -145,8 +174,9 @@ class Actor:
 
 
 async def note(robot: AsyncRobot, words: str) -> None:
-    """Write what the assistant does into the log of the daemon.  Raises ClientError."""
-    await robot.run(f"lobby.note({string_literal(plain(words, MAX_NOTE))})|;", timeout=CONNECT_TIMEOUT_S)
+    """Write what is done into the log of the daemon, which takes only some lines a second.  Raises ClientError."""
+    with suppress(UrbiError):
+        await robot.run(f"lobby.note({string_literal(plain(words, MAX_NOTE))})|;", timeout=CONNECT_TIMEOUT_S)
 
 
 async def values(robot: AsyncRobot, slots: list[str]) -> tuple[dict[str, Any], dict[str, str]]:
@@ -166,11 +196,6 @@ def _shown(value: Any) -> Any:
     if isinstance(value, dict):
         return {short(key): _shown(each) for key, each in value.items()}
     return round(value, DIGITS) if isinstance(value, float) else value
-
-
-def label(name: str) -> str:
-    """The name of the connections of an assistant."""
-    return f"{plain(name, MAX_NAME).strip() or 'unnamed'} (assistant)"
 
 
 async def _carried_out(robot: AsyncRobot, text: str, seconds: float) -> Any:
@@ -203,7 +228,7 @@ def _same(then: Any, now: Any, unit: str) -> bool:
 
 
 def _slot(joint: str, joints: Mapping[str, Any]) -> str:
-    """The slot of a joint that the assistant has named with or without it.  Raises OrderRefused."""
+    """The slot of a joint that was named with or without it.  Raises OrderRefused."""
     slot = joint if joint in joints else f"{joint}.val"
     if slot not in joints:
         raise OrderRefused(f"there is no joint {short(joint)}; there are: {', '.join(joints)}")
