@@ -230,7 +230,7 @@ class World:
         """The members of a container as ``each`` would give them: a snapshot."""
         if items.__class__ is float:
             if items < 0 or not items.is_integer():
-                raise errors.bad_number("BadInteger", f"expected positive integer, got {self.text(items)}")
+                raise errors.bad_number("BadInteger", f"expected positive integer, got {self.text(items)}", items)
             return map(float, range(int(items)))
         if isinstance(items, List) and "each" not in items.slots:
             if self.recorder.active is not None:
