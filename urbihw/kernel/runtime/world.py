@@ -107,9 +107,8 @@ class World:
         self.quick_lists: list[Any] | None = self.list_protos
         self.tuple_proto = Tuple(self, [self.object], [])
         self.dictionary_proto = Dictionary(self, [self.object], {})
-        self.boolean_proto = self.proto()
-        self.true = Truth(self, [self.boolean_proto], True)
-        self.false = Truth(self, [self.boolean_proto], False)
+        self.true = Truth(self, [self.object], True)
+        self.false = Truth(self, [self.object], False)
         self.nil = Nil(self, [self.object])
         self.executable_proto = self.proto()
         self.code_proto = self.proto(self.executable_proto)
