@@ -407,7 +407,7 @@ def _takes_over(field: Field) -> None:
 
 BUILT_IN = (
     "Object", "Global", "Lobby", "System", "Tag", "Job", "List", "String", "Float", "Event", "Exception", "Code",
-    "Boolean", "Channel", "Dictionary", "Primitive", "nil", "void", "Control", "UObject", "UVar",
+    "true", "Channel", "Dictionary", "Primitive", "nil", "void", "Control", "UObject", "UVar",
 )  # fmt: skip
 """What is shared by all, whose slots are removed, replaced and emptied in turn."""
 

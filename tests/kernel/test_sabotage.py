@@ -390,7 +390,7 @@ def test_native_values_are_shown_though_no_slot_of_their_class_is_left(fresh: St
 
 
 PRINTERS = tuple(
-    f"{name}.{slot}" for name in ("Object", "Float", "String", "List", "Dictionary", "Tuple", "Boolean", "Duration",
+    f"{name}.{slot}" for name in ("Object", "Float", "String", "List", "Dictionary", "Tuple", "true", "Duration",
                                   "Exception", "Location", "nil")
     for slot in ("asToplevelPrintable", "asPrintable", "asString")
 )  # fmt: skip

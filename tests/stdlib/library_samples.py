@@ -5,7 +5,6 @@ from __future__ import annotations
 SAMPLES: dict[str, str] = {
     "Barrier": "Barrier.new",
     "Binary": 'Binary.new("k", "abc")',
-    "Boolean": "true",
     "CallMessage": "{function f { call } | f(1)}",
     "Channel": 'Channel.new("test")',
     "Code": "function (x) { x }",
@@ -73,6 +72,7 @@ SAMPLES: dict[str, str] = {
     "Timeout": "Timeout.new(1)",
     "Traceable": "Traceable.new",
     "TrajectoryGenerator": "TrajectoryGenerator",
+    "true": "true",
     "Triplet": "Triplet.new(1, 2, 3)",
     "Tuple": "(1, 2, 3)",
     "UObject": "UObject.new",

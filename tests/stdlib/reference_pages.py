@@ -25,15 +25,16 @@ HIDDEN = {"init", "type"}
 """Slots that need no words: ``init`` is described as the construction, ``type`` is the name of the class."""
 
 CLASSES = (
-    "Barrier", "Binary", "Boolean", "CallMessage", "Channel", "Code", "Comparable", "Container", "Control", "Date",
-    "Dictionary", "Directory", "Duration", "Enumeration", "Event", "Exception", "Executable", "File", "Finalizable",
+    "Barrier", "Binary", "CallMessage", "Channel", "Code", "Comparable", "Container", "Control", "Date", "Dictionary",
+    "Directory", "Duration", "Enumeration", "Event", "Exception", "Executable", "File", "Finalizable",
     "Float", "Float.limits", "FormatInfo", "Formatter", "Global", "Group", "InputStream", "IoService", "Job",
     "Kernel1", "Lazy", "List", "Loadable", "Lobby", "Location", "Math", "Mutex", "nil", "Object", "Orderable",
     "OutputStream", "Pair", "Path", "Pattern", "Position", "Primitive", "Process", "Profiling", "PseudoLazy", "PubSub",
     "PubSub.Subscriber", "RangeIterable", "Regexp", "Ros", "Ros.Service", "Ros.Topic",
     "Semaphore", "Server", "Singleton", "Socket", "StackFrame",
     "String", "Subscription", "System", "System.PackageInfo", "System.Platform", "Tag", "Timeout", "Traceable",
-    "TrajectoryGenerator", "Triplet", "Tuple", "UObject", "UValue", "UVar", "void", "WeakDictionary", "WeakPointer",
+    "TrajectoryGenerator", "true", "Triplet", "Tuple", "UObject", "UValue", "UVar", "void", "WeakDictionary",
+    "WeakPointer",
 )  # fmt: skip
 
 

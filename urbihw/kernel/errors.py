@@ -145,6 +145,8 @@ def unfinalizable(routine: str | None = "") -> Raised:
     return primitive("cannot inherit from a Finalizable without being a Finalizable too", routine)
 
 
-def bad_number(kind: str, message: str) -> Raised:
-    """``name: message`` for a number; ``kind`` is BadInteger, BadNumber, NegativeNumber or NonPositiveNumber."""
-    return Raised(kind, message)
+def bad_number(kind: str, message: str, effective: Any = None, routine: str | None = "") -> Raised:
+    """``name: message`` for the number ``effective``; ``kind`` is BadInteger, BadNumber, NegativeNumber or
+    NonPositiveNumber.
+    """
+    return Raised(kind, message, routine) if effective is None else Raised(kind, message, routine, effective=effective)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Final
 
 _TEXT: Final = """
-AX12 AXS1 AccelerationSensor AngleLimitServo AudioIn AudioOut Barrier Battery Binary Bioloid BlobDetector Boolean
+AX12 AXS1 AccelerationSensor AngleLimitServo AudioIn AudioOut Barrier Battery Binary Bioloid BlobDetector
 CallMessage Chain Channel Code Comparable Component Container Control DGain Date Dictionary Directory DistanceSensor
 Duration Enumeration Event Exception Executable Figure File Finalizable Float FormatInfo Formatter Global Group
 GyroSensor IGain IP IRCenter IRLeft IRRight Identity InputStream Interface IoService Job Kernel1 Laser Lazy Led

@@ -23,7 +23,8 @@ def function_info(node: ast.Function, w: Writer, uses_call: bool) -> FunctionInf
     """What is known of a function literal."""
     formals = node.formals or ()
     variadic = bool(formals) and formals[-1].variadic
-    least = sum(1 for formal in formals if formal.default is None and not formal.variadic)
+    needed = [rank for rank, formal in enumerate(formals, 1) if formal.default is None and not formal.variadic]
+    least = needed[-1] if needed else 0
     most = -1 if variadic or node.formals is None else len(formals)
     index = w.syntax.add(node)
     return FunctionInfo(least, most, node.formals is None, uses_call, node.closure, len(formals), w.syntax, index)

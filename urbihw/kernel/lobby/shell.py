@@ -390,7 +390,7 @@ class Shell:
 
     def _complain(self, problem: SyntaxProblem) -> None:
         if problem.warning:
-            self._lobby.output.line(f"!!! {problem.location}: warning: {problem.message}", "warning")
+            self._lobby.output.line(f"!!! {problem.location}: {problem.message}", "warning")
         elif self._lobby.programs.quiet or not problem.follows:
             self._lobby.output.line(f"!!! {problem.location}: syntax error: {problem.message}", "error")
             self._lobby.advise(problem.advice)

@@ -74,7 +74,7 @@ class ArgumentChecks:
         """A Float of integral value as a Python int."""
         number = self.to_float(value, index)
         if not number.is_integer():
-            raise errors.bad_number("BadInteger", f"expected integer, got {self._world.text(value)}")
+            raise errors.bad_number("BadInteger", f"expected integer, got {self._world.text(value)}", value)
         return int(number)
 
     def to_str(self, value: Value, index: int | None) -> str:

@@ -41,8 +41,11 @@ class Failures:
             return errors.unexpected_void()
         where = "" if index is None else f" for argument {index}"
         article = "an" if expected[:1] in "AEIOU" else "a"
-        kind = "Type" if index is None else "ArgumentType"
-        return errors.Raised(kind, f"unexpected {self._shown(value)}{where}, expected {article} {expected}", routine)
+        message = f"unexpected {self._shown(value)}{where}, expected {article} {expected}"
+        wanted = self._world.classes.get(expected, expected)
+        if index is None:
+            return errors.Raised("Type", message, routine, effective=value, expected=wanted)
+        return errors.Raised("ArgumentType", message, routine, index=index, effective=value, expected=wanted)
 
     def _shown(self, value: Value) -> str:
         """``printable``, or a plain text when printing the value has failed."""

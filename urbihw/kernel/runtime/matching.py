@@ -1,6 +1,7 @@
 """Structural pattern matching: a pattern is a small tuple built by generated code.
 
-``("bind",)`` matches any value; ``("value", v)`` a value equal to v; ``("list", patterns)`` and ``("tuple", patterns)``
+``("bind",)`` matches any value; ``("value", v)`` a value equal to v, or one that ``v.match`` or its own
+``matchAgainst`` accepts, where a class defines these; ``("list", patterns)`` and ``("tuple", patterns)``
 that container with as many members; ``("dict", [(key, pattern), ...])`` a dictionary with at least these keys.  A match
 gives the bound values in the order of their bindings in the source.
 """
@@ -46,7 +47,7 @@ def _match(world: World, pattern: tuple[Any, ...], value: Value, bound: list[Val
         bound.append(value)
         return True
     if kind == "value":
-        return bool(world.ops.equal(pattern[1], value))
+        return _match_value(world, pattern[1], value)
     if kind == "dict":
         if not isinstance(value, Dictionary):
             return False
@@ -59,3 +60,18 @@ def _match(world: World, pattern: tuple[Any, ...], value: Value, bound: list[Val
     if not isinstance(value, wanted):
         return False
     return _match_all(world, pattern[1], value.l, bound) is not None
+
+
+def _match_value(world: World, wanted: Value, value: Value) -> bool:
+    if _decides(world, wanted, "match") or _decides(world, value, "matchAgainst"):
+        handler = world.send(world.classes["Pattern"], "new", wanted)
+        return bool(world.send(handler, "matchPattern", wanted, value))
+    return bool(world.ops.equal(wanted, value))
+
+
+def _decides(world: World, value: Value, name: str) -> bool:
+    """Whether a value has a function of its own for patterns; literals have none."""
+    return value.__class__ not in _LITERALS and world.peek_obj(value).find(name) is not None
+
+
+_LITERALS = (float, String, List, Tuple, Dictionary)

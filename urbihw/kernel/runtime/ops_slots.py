@@ -43,11 +43,21 @@ def slot_verbs(world: World) -> dict[str, Any]:
 
     def declare(target: Value, name: str, value: Value) -> Value:
         """``var target.name = value``."""
+        if world.ops.hooked:
+            return declare_hooked(target, name, value)
         return world.set_slot(target, name, value)
+
+    def declare_hooked(target: Value, name: str, value: Value) -> Value:
+        """``declare``, where objects may have a ``createSlot`` or ``setSlot`` of their own."""
+        message, args = ("createSlot", ()) if value is world.void else ("setSlot", (value,))
+        hook = world.ops.hook(world.as_obj(target), message)
+        if hook is None:
+            return world.set_slot(target, name, value)
+        return world.invoke(hook, target, (world.string(name), *args), message)
 
     def declare_const(target: Value, name: str, value: Value) -> Value:
         """``const var target.name = value``."""
-        world.set_slot(target, name, value)
+        declare(target, name, value)
         meta_of(world.as_obj(target), name).constant = True
         return value
 

@@ -30,6 +30,10 @@ there."""
 LOGICAL = frozenset(("!", "&&", "||"))
 """The operators that compiled code does not send as messages, unless a program redefines one anywhere."""
 
+SLOT_HOOKS = frozenset(("setSlot", "createSlot", "updateSlot"))
+"""The messages that a declaration or an assignment of a slot stands for; they are sent only to objects whose program
+has a function of this name."""
+
 STRICT_NAMES = frozenset(("[]", "[]=", "new"))
 """Names that everybody uses and that a few functions of the library, which are lazy, have too.  Calls by such a name
 are compiled for strict functions."""
@@ -204,13 +208,13 @@ def make_operators(
 
 def make_update(world: World, ops: SlotOps) -> Callable[[Any, str, Any], Any]:
     """``update_slot``, the verb of ``target.name = value``."""
-    void, protected = world.void, world.record.protected
+    void, protected, hooked = world.void, world.record.protected, ops.hooked
 
     def update_slot(target: Value, name: str, value: Value) -> Value:
         """``target.name = value``; a local slot that is only a value is written at once, and the first write to a plain
         object copies the inherited slot.
         """
-        if value is not void and target.__class__ is not float and target.meta is None:
+        if value is not void and target.__class__ is not float and target.meta is None and not hooked:
             slots = target.slots
             if name in slots:
                 slots[name] = value
@@ -235,6 +239,8 @@ class SlotOps:
     def __init__(self, world: World) -> None:
         self.world = world
         self._protected = world.record.protected
+        self.hooked: set[str] = set()
+        """Those of ``SLOT_HOOKS`` that an object of a program has as a function of its own."""
         self.get_slot, found, missed = make_finders(world, self)
         self.method, self.send0 = make_messages(world, missed)
         self.own_method, self.own_send0 = with_own_code(self.method), with_own_code(self.send0)
@@ -279,6 +285,23 @@ class SlotOps:
         if value is self.world.void:
             raise errors.unexpected_void()
         obj = self.world.as_obj(target)
+        hook = self.hook(obj, "updateSlot")
+        if hook is not None:
+            return self.world.invoke(hook, target, (self.world.string(name), value), "updateSlot")
+        return self.update_plainly(obj, target, name, value)
+
+    def hook(self, obj: Obj, name: str) -> Executable | None:
+        """The function of a program that an object calls for a declaration or an assignment of a slot: its own
+        ``setSlot``, ``createSlot`` or ``updateSlot``; None if it has only those of the library.
+        """
+        holder = obj.find(name) if name in self.hooked else None
+        if holder is None or self.world.record.is_shared(holder):
+            return None
+        found = holder.slots[name]
+        return found if isinstance(found, Executable) else None
+
+    def update_plainly(self, obj: Obj, target: Value, name: str, value: Value) -> Value:
+        """The library's ``updateSlot``."""
         if name in obj.slots:
             return self._write(obj, obj, name, value)
         if obj.assigns_to_members:
@@ -330,6 +353,8 @@ class SlotOps:
                 self.world.lazy_names.add(name)
             if name in OPERATORS:
                 self.world.operator_redefined(obj)
+            if name in SLOT_HOOKS:
+                self.hooked.add(name)
         if obj.meta is not None:
             self.announce(obj, name)
 

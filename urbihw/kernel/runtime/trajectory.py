@@ -321,7 +321,7 @@ class Trajectory:
     def _number(self, value: Value, routine: str) -> float:
         number = self._world.as_float(value, 1, routine or None)
         if number != number:  # neither a target nor a duration
-            raise errors.bad_number("BadNumber", "expected a number, got nan")
+            raise errors.bad_number("BadNumber", "expected a number, got nan", number)
         return number
 
     def _present(self) -> float:
@@ -333,5 +333,5 @@ class Trajectory:
 
     def _finite(self, value: float) -> float:
         if math.isinf(value):
-            raise errors.bad_number("BadNumber", f"expected a finite number, got {value:g}")
+            raise errors.bad_number("BadNumber", f"expected a finite number, got {value:g}", value)
         return value

@@ -107,9 +107,8 @@ class World:
         self.quick_lists: list[Any] | None = self.list_protos
         self.tuple_proto = Tuple(self, [self.object], [])
         self.dictionary_proto = Dictionary(self, [self.object], {})
-        self.boolean_proto = self.proto()
-        self.true = Truth(self, [self.boolean_proto], True)
-        self.false = Truth(self, [self.boolean_proto], False)
+        self.true = Truth(self, [self.object], True)
+        self.false = Truth(self, [self.object], False)
         self.nil = Nil(self, [self.object])
         self.executable_proto = self.proto()
         self.code_proto = self.proto(self.executable_proto)
@@ -230,7 +229,7 @@ class World:
         """The members of a container as ``each`` would give them: a snapshot."""
         if items.__class__ is float:
             if items < 0 or not items.is_integer():
-                raise errors.bad_number("BadInteger", f"expected positive integer, got {self.text(items)}")
+                raise errors.bad_number("BadInteger", f"expected positive integer, got {self.text(items)}", items)
             return map(float, range(int(items)))
         if isinstance(items, List) and "each" not in items.slots:
             if self.recorder.active is not None:

@@ -150,7 +150,6 @@ def _roots(world: World) -> None:
         "List": world.list_proto,
         "Tuple": world.tuple_proto,
         "Dictionary": world.dictionary_proto,
-        "Boolean": world.boolean_proto,
         "Executable": world.executable_proto,
         "Code": world.code_proto,
         "Primitive": world.primitive_proto,

@@ -5,16 +5,26 @@ Source: manual, specs/binary; server protocol, section 4.
 
 from __future__ import annotations
 
+from typing import Any
+
 from urbihw.kernel.runtime.binary import BinaryObject, Buffer
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import MAX_STRING_LENGTH, too_long
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.stdlib import prototype
+from urbihw.kernel.stdlib.support import field
 from urbihw.kernel.value import Value
 
 TABLE = Table("Binary")
 
 
 CLASSES = {"Binary": BinaryObject}
+
+NOTES = {
+    "Binary.data": "The bytes, as a String.",
+    "Binary.keywords": "The header, as a String.",
+}
+"""Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 def binary(world: World, keywords: str, content: Buffer) -> BinaryObject:
@@ -26,18 +36,6 @@ def binary(world: World, keywords: str, content: Buffer) -> BinaryObject:
 def init(world: World, this: BinaryObject, keywords: str, data: str) -> None:
     """Make a Binary from keywords and data."""
     this.keywords, this.content = keywords, data.encode("latin-1")
-
-
-@TABLE.primitive("data")
-def data(world: World, this: BinaryObject) -> str:
-    """The bytes, as a String."""
-    return this.data
-
-
-@TABLE.primitive("keywords")
-def keywords(world: World, this: BinaryObject) -> str:
-    """The header, as a String."""
-    return this.keywords
 
 
 @TABLE.primitive("empty")
@@ -77,3 +75,17 @@ def plus(world: World, this: BinaryObject, other: BinaryObject) -> Value:
     if len(this.content) + len(other.content) > MAX_STRING_LENGTH:
         raise too_long("bytes", MAX_STRING_LENGTH)
     return binary(world, this.keywords or other.keywords, bytes(this.content) + bytes(other.content))
+
+
+def install(world: World, programs: Any) -> None:
+    """Make the parts of a Binary slots that can be assigned."""
+
+    def write_data(this: BinaryObject, value: Value) -> None:
+        this.content = world.checks.to_str(value, 1).encode("latin-1")
+
+    def write_keywords(this: BinaryObject, value: Value) -> None:
+        this.keywords = world.checks.to_str(value, 1)
+
+    proto = prototype(world, "Binary")
+    field(world, proto, "data", lambda this: world.string(this.data), write_data, BinaryObject)
+    field(world, proto, "keywords", lambda this: world.string(this.keywords), write_keywords, BinaryObject)

@@ -1,4 +1,7 @@
-"""Boolean: the truth values true and false."""
+"""The truth values true and false: singletons with the same slots.
+
+There is no object Boolean (manual, specs/boolean).
+"""
 
 from __future__ import annotations
 
@@ -10,22 +13,19 @@ from urbihw.kernel.runtime.values import CallMessage
 from urbihw.kernel.runtime.world import World
 from urbihw.kernel.value import Value
 
-TABLE = Table("Boolean")
-PROTOS = {"Boolean": ("Singleton",)}
+TABLE = Table("true")
+PROTOS = {"true": ("Singleton",), "false": ("Singleton",)}
 
 NOTES = {
-    "Boolean": "Truth values: true and false.",
-    "true": "The Boolean for a condition that is met.",
-    "false": "The Boolean for a condition that is not met.",
+    "true": "The truth value of a condition that is met; false has the same slots.",
+    "false": "The truth value of a condition that is not met; see true.",
 }
 """Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
 @TABLE.primitive("asString")
-def as_string(world: World, this: Value) -> str:
-    """``true`` or ``false``; ``Boolean`` for their prototype."""
-    if not isinstance(this, Truth):
-        return "Boolean"
+def as_string(world: World, this: Truth) -> str:
+    """``true`` or ``false``."""
     return "true" if this.value else "false"
 
 
@@ -54,6 +54,7 @@ def or_(world: World, message: CallMessage) -> Value:
 
 
 def install(world: World, programs: Any) -> None:
-    """Set the slot ``type`` of both values to their own names."""
+    """Give false the slots of true, and both their own names as ``type``."""
+    TABLE.install(world, world.false)
     world.true.slots["type"] = world.string("true")
     world.false.slots["type"] = world.string("false")

@@ -13,6 +13,7 @@ from urbihw.kernel.runtime.plain import escaped
 from urbihw.kernel.runtime.primitive import Forms, Table
 from urbihw.kernel.runtime.values import Dictionary, List
 from urbihw.kernel.runtime.world import World
+from urbihw.kernel.stdlib.exception import init_key_error
 from urbihw.kernel.stdlib.members import equal, same_members
 from urbihw.kernel.stdlib.slices import NestedWalk, in_slices, sort_in_slices
 from urbihw.kernel.stdlib.tuple import pair
@@ -23,11 +24,11 @@ __breakable__ = True
 TABLE = Table("Dictionary")
 PROTOS = {
     "Dictionary": ("Comparable", "Container", "RangeIterable", "Object"),
-    "Dictionary.KeyError": ("Exception",),
+    "Dictionary.KeyError": ("Exception.KeyError",),
 }
 
 NOTES = {
-    "Dictionary.KeyError": "Exception.KeyError, thrown when a key does not exist.",
+    "Dictionary.KeyError": "Exception.KeyError, thrown when a key does not exist; its slot `key` is the key.",
 }
 """Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
@@ -45,8 +46,7 @@ def _key(world: World, value: Value) -> str:
 def missing(world: World, key: Value) -> errors.ThrownError:
     """The error ``missing key: K``, an object with the slot ``key``."""
     error = Plain(world, [world.classes["Dictionary.KeyError"]])
-    error.slots["key"] = world.from_python(key)
-    error.slots["message"] = world.string(f"missing key: {_key(world, key)}")
+    init_key_error(world, error, world.from_python(key))
     return errors.ThrownError(error)
 
 

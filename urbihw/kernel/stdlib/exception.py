@@ -149,9 +149,9 @@ def init_implicit_tag(world: World, this: Obj, message: Value = None) -> None:
 
 
 @_kind("KeyError")
-def init_key_error(world: World, this: Obj, name: Value) -> None:
+def init_key_error(world: World, this: Obj, key: Value) -> None:
     """Error: a dictionary does not have this key."""
-    _fill(world, this, f"missing key: {world.text(name)}", name=name)
+    _fill(world, this, f"missing key: {world.text(key)}", key=key)
 
 
 @_kind("Lookup")

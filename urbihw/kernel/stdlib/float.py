@@ -35,7 +35,7 @@ def integer(world: World, value: Value, index: int | None, routine: str) -> int:
     """An integer.  Raises BadInteger for other numbers."""
     found = number(world, value, index, routine)
     if not found.is_integer():
-        raise errors.Raised("BadInteger", f"expected integer, got {float_text(found)}", routine)
+        raise errors.bad_number("BadInteger", f"expected integer, got {float_text(found)}", found, routine)
     return int(found)
 
 
@@ -44,7 +44,7 @@ def whole(world: World, value: float) -> int:
     numbers.
     """
     if not value.is_integer() or value < 0:
-        raise errors.bad_number("BadInteger", f"expected non-negative integer, got {float_text(value)}")
+        raise errors.bad_number("BadInteger", f"expected non-negative integer, got {float_text(value)}", value)
     return int(value)
 
 

@@ -39,7 +39,7 @@ def _range(world: World, this: float) -> range:
     number = whole(world, this)
     if number > members.MAX_GENERATED_MEMBERS:
         message = f"expected at most {members.MAX_GENERATED_MEMBERS:.0f}, got {float_text(this)}"
-        raise errors.Raised("BadInteger", message, "seq")
+        raise errors.bad_number("BadInteger", message, this, "seq")
     return range(number)
 
 
@@ -89,25 +89,14 @@ def map_(world: World, this: float, function: Value) -> Value:
 
 @TABLE.primitive("max")
 def max_(world: World, this: Value, *others: Value) -> Value:
-    """The maximum of this value and the arguments."""
-    return best(world, [this, *others], True)
+    """The maximum of this value and the arguments: ``[this, ...].max``."""
+    return world.send(world.new_list([this, *others]), "max")
 
 
 @TABLE.primitive("min")
 def min_(world: World, this: Value, *others: Value) -> Value:
-    """The minimum of this value and the arguments."""
-    return best(world, [this, *others], False)
-
-
-def best(world: World, values: list[Value], greatest: bool) -> Any:
-    """The first value that is not exceeded by another one, compared by the values' own ``<``."""
-    found = values[0]
-    for value in values[1:]:
-        first, second = (found, value) if greatest else (value, found)
-        less = first < second if first.__class__ is second.__class__ is float else world.send(first, "<", second)
-        if less:
-            found = value
-    return found
+    """The minimum of this value and the arguments: ``[this, ...].min``."""
+    return world.send(world.new_list([this, *others]), "min")
 
 
 def install(world: World, programs: Any) -> None:
@@ -118,7 +107,8 @@ def install(world: World, programs: Any) -> None:
     def draw(this: Value) -> float:
         limit = world.as_float(this, None, "random")
         if not limit.is_integer() or limit <= 0:
-            raise errors.Raised("BadInteger", f"expected positive integer, got {float_text(limit)}", "random")
+            message = f"expected positive integer, got {float_text(limit)}"
+            raise errors.bad_number("BadInteger", message, limit, "random")
         return float(generator.randrange(int(limit)))
 
     def seed(this: Value) -> Value:

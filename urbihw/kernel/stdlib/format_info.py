@@ -117,7 +117,7 @@ def format_float(form: FormatPattern, value: float) -> str:
         return _cased(form, _signed(form, f"{value:g}"))
     if form.spec in "xo":
         if value != int(value):
-            raise errors.bad_number("BadInteger", f"expected integer, got {value:g}")
+            raise errors.bad_number("BadInteger", f"expected integer, got {value:g}", value)
         digits = f"{abs(int(value)):{form.spec}}"
         base = ("0x" if form.spec == "x" else "0") if form.alt else ""
         text = ("-" if value < 0 else "") + base + digits

@@ -94,7 +94,7 @@ def keys(world: World, this: list[Value]) -> Value:
 @TABLE.primitive("join")
 def join(world: World, this: List, sep: ValueOrText | None = None, prefix: str = "", suffix: str = "") -> Value:
     """Join the members' ``asString`` with a separator between them, a prefix before and a suffix after."""
-    between: Any = sep or ""
+    between: Any = "" if sep is None else sep
     is_text = between.__class__ is str
     found = world.ops.method(world.string_proto if is_text else between, "join")
     if found.__class__ is CheckedPrimitive and found.source is string.join and (is_text or isinstance(between, String)):

@@ -18,7 +18,7 @@ MEMORY_LIMIT = 512 * 1024 * 1024
 def answer(expression: str, text: str) -> list[str] | str | None:
     """The groups of the first match, None if there is none, or an error message."""
     try:
-        match = re.compile(expression, re.ASCII).search(text)
+        match = re.compile(expression, re.ASCII | re.MULTILINE).search(text)
     except MemoryError:
         return "takes too much memory"
     except (re.error, RecursionError, OverflowError):

@@ -6,7 +6,6 @@ from typing import Any
 
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.world import World
-from urbihw.kernel.stdlib.float_loops import best
 from urbihw.kernel.value import Value
 
 TABLE = Table("Math")
@@ -49,12 +48,12 @@ def atan2(world: World, this: Value, y: Value, x: Value) -> Value:
 
 
 @TABLE.primitive("max")
-def max_(world: World, this: Value, first: Value, *others: Value) -> Value:
-    """The maximum of the arguments."""
-    return best(world, [first, *others], True)
+def max_(world: World, this: Value, *values: Value) -> Value:
+    """The maximum of the arguments: ``[...].max``."""
+    return world.send(world.new_list([*values]), "max")
 
 
 @TABLE.primitive("min")
-def min_(world: World, this: Value, first: Value, *others: Value) -> Value:
-    """The minimum of the arguments."""
-    return best(world, [first, *others], False)
+def min_(world: World, this: Value, *values: Value) -> Value:
+    """The minimum of the arguments: ``[...].min``."""
+    return world.send(world.new_list([*values]), "min")

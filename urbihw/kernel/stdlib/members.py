@@ -141,7 +141,7 @@ def count(world: World, value: Value, index: int = 1) -> int:
     """Check that argument number ``index`` is a non-negative integer, and return it."""
     number = world.as_float(value, index, "") if value.__class__ is not float else value
     if not 0 <= number < 2**63 or number != int(number):
-        raise errors.bad_number("NegativeNumber", f"expected non-negative integer, got {world.text(value)}")
+        raise errors.bad_number("BadInteger", f"expected non-negative integer, got {world.text(value)}", value)
     return int(number)
 
 
@@ -152,7 +152,7 @@ def repetitions(world: World, value: Value, size: int, most: int, what: str) -> 
     number = count(world, value)
     if number * size > most:
         wanted = f"expected a result of at most {most} {what}, got {world.text(value)} times {size}"
-        raise errors.bad_number("BadNumber", wanted)
+        raise errors.bad_number("BadNumber", wanted, value)
     return number
 
 
@@ -160,7 +160,7 @@ def members_of(world: World, value: Value) -> Iterable[Any]:
     """The members of an argument, as ``each`` enumerates them.  Raises an error for a number that is too large."""
     if value.__class__ is float and value > MAX_GENERATED_MEMBERS:
         message = f"expected at most {MAX_GENERATED_MEMBERS:.0f} members, got {world.text(value)}"
-        raise errors.bad_number("BadNumber", message)
+        raise errors.bad_number("BadNumber", message, value)
     return world.iterate(value)
 
 

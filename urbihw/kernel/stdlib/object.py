@@ -106,7 +106,9 @@ def set_const_slot(world: World, this: Value, name: str, value: Value) -> Value:
 @TABLE.primitive("updateSlot")
 def update_slot(world: World, this: Value, name: str, value: Value) -> Value:
     """Assign an existing slot; an inherited slot is copied first.  Raises ``lookup failed``."""
-    return world.update_slot(this, name, value)
+    if value is world.void:
+        raise errors.unexpected_void()
+    return world.ops.update_plainly(world.as_obj(this), this, name, value)
 
 
 @TABLE.primitive("createSlot")

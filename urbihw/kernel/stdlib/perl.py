@@ -1,7 +1,8 @@
 r"""Translation of Perl's regular expressions to Python's ``re``, where both differ.
 
-``[[:alpha:]]`` and the other classes, ``\z`` and ``\Z``, ``\h``, ``\Q...\E``, ``\<`` and ``\>`` are translated.  All
-other syntax is the same in both, or an error of ``re``: ``\K``, ``\R``, ``\p{...}``, ``(?R)``.
+``[[:alpha:]]`` and the other classes, ``\z`` and ``\Z``, ``\h``, ``\Q...\E``, ``\<`` and ``\>``, and named groups
+(``(?<name>...)``, ``\k<name>``) are translated.  All other syntax is the same in both, or an error of ``re``: ``\K``,
+``\R``, ``\p{...}``, ``(?R)``.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ ESCAPES = {"z": r"\Z", "Z": r"(?=\n?\Z)", "h": r"[ \t]", "<": r"\b(?=\w)", ">": 
 ESCAPES_IN_SETS = {"h": r" \t"}
 
 _LITERAL = r"\\Q(?P<literal>.*?)(?:\\E|\Z)|\\(?P<escape>.)"
-_OUTSIDE = re.compile(_LITERAL + r"|(?P<open>\[\^?\]?)|.", re.DOTALL)
+_NAMED = r"\\k<(?P<back>\w+)>|(?P<group>\(\?<)(?![=!])"
+_OUTSIDE = re.compile(_NAMED + "|" + _LITERAL + r"|(?P<open>\[\^?\]?)|.", re.DOTALL)
 _INSIDE = re.compile(_LITERAL + r"|\[:(?P<name>\^?\w*):\]|(?P<close>\])|.", re.DOTALL)
 _KEPT = "[&|~"
 """Python reserves these characters in sets for future operations, and warns."""
@@ -52,6 +54,10 @@ def to_python(expression: str) -> str:
             parts.append(re.escape(part["literal"]))
         elif part["escape"] is not None:
             parts.append((ESCAPES_IN_SETS if inside else ESCAPES).get(part["escape"], match[0]))
+        elif part.get("back") is not None:
+            parts.append(f"(?P={part['back']})")
+        elif part.get("group") is not None:
+            parts.append("(?P<")
         elif inside:
             parts.append(_in_set(match[0], part["name"], parts[-1]))
             inside = part["close"] is None

@@ -18,7 +18,7 @@ from urbihw.kernel.value import Value
 TABLE = Table("Position")
 GLOBAL = Table("Global")
 TABLES = [TABLE, GLOBAL]
-PROTOS = {"Position": ("Orderable", "Comparable")}
+PROTOS = {"Position": ("Object",)}
 
 NOTES = {
     "Position.line": "The line, from 1; can be assigned.",

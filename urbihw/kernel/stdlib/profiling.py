@@ -19,7 +19,7 @@ def new(world: World, message: CallMessage) -> None:
     """Evaluate an expression a number of times, and print the number of scheduler rounds and the seconds that it
     took.
     """
-    turns = count(world, message.eval_at(1))
+    turns = count(world, message.eval_at(1), 2)
     scheduler, lazy = world.scheduler, message.args[0]
     cycle, start = scheduler.cycle, scheduler.clock.now()
     for _ in range(turns):

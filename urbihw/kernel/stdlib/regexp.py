@@ -144,7 +144,7 @@ def init(world: World, this: RegexpObject, expression: str) -> None:
     try:
         if len(expression) > MAX_EXPRESSION_LENGTH:
             raise OverflowError
-        this.compiled = re.compile(to_python(expression), re.ASCII)
+        this.compiled = re.compile(to_python(expression), re.ASCII | re.MULTILINE)
     except (re.error, NotPerl, RecursionError, OverflowError) as error:
         reason = "too complex" if isinstance(error, (RecursionError, OverflowError)) else getattr(error, "msg", error)
         shown = expression if len(expression) <= MAX_EXPRESSION_LENGTH else expression[:MAX_SHOWN_LENGTH] + "..."

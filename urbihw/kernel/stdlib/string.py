@@ -84,7 +84,7 @@ def to_ascii(world: World, this: str) -> float:
 def from_ascii(world: World, this: str, code: int) -> str:
     """The string of the one character with this code, 0 to 255."""
     if not 0 <= code <= 255:
-        raise errors.bad_number("BadInteger", f"expected integer in range [0, 255], got {code}")
+        raise errors.bad_number("BadInteger", f"expected integer in range [0, 255], got {code}", code)
     return chr(code)
 
 

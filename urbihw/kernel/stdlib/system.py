@@ -278,7 +278,7 @@ def _fields(world: World, system: Value) -> None:
     def write_period(this: Value, value: Value) -> None:
         period = world.as_float(value, 1, "period")
         if not 0 < period < float("inf"):
-            raise errors.bad_number("NonPositiveNumber", f"expected positive number, got {world.text(value)}")
+            raise errors.bad_number("NonPositiveNumber", f"expected positive number, got {world.text(value)}", value)
         world.period = period
 
     def write_ndebug(this: Value, value: Value) -> None:
