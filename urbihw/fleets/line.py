@@ -55,8 +55,9 @@ class StopTold(NamedTuple):
 class FleetLine:
     """A session in a fleet, under a name: ``with FleetLine("school", "teacher") as line``.
 
-    ``fleet`` "" is the only one that meets there.  Raises NoMeeting, BadEndpoint, BadFleetName; FleetError when there
-    are several fleets.
+    ``fleet`` "" is the only one that meets there.  ``is_alive`` tells whether the one who asks through this session
+    lives: without that, what it moves gets no signs of life.  Raises NoMeeting, BadEndpoint, BadFleetName; FleetError
+    when there are several fleets.
     """
 
     def __init__(self, fleet: str = "", name: str = "", endpoint: str = DEFAULT_ENDPOINT) -> None:
@@ -72,6 +73,7 @@ class FleetLine:
         self._driven: dict[str, _Driven] = {}
         self._lock = threading.Lock()
         self._ending = threading.Event()
+        self.is_alive: Callable[[], bool] = lambda: True
 
     def _only_fleet(self, endpoint: str) -> str:
         found = sorted({owner_in(key)[0] for key in tokens(self._session, f"{ALL}/{ALL}/robot/*", LOOK_TIMEOUT_S)})
@@ -136,6 +138,13 @@ class FleetLine:
 
         keys = FleetKeys(self.keys.fleet, ALL)
         return self._session.liveliness().declare_subscriber(keys.robots, heard, history=True)
+
+    def hear_values(self, on_values: Callable[[str, Mapping[str, Any]], None]) -> object:
+        """Call a function, in a thread of zenoh, with what each robot publishes; keep what is returned."""
+        def heard(sample: zenoh.Sample) -> None:
+            on_values(owner_in(str(sample.key_expr))[1], json.loads(bytes(sample.payload))["v"])
+
+        return self._session.declare_subscriber(FleetKeys(self.keys.fleet, ALL).values, heard)
 
     # ---------------------------------------------------------------- stops
 
@@ -213,6 +222,8 @@ class FleetLine:
     def _beat(self, robot: str, driven: _Driven, period: float) -> None:
         key = self.keys.order(robot, "beat")
         while not self._ending.wait(period):
+            if not self.is_alive():
+                continue
             told = {"session": self._instance, "made": time.monotonic() + driven.ahead}
             try:
                 self._session.put(
