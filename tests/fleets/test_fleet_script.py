@@ -137,6 +137,20 @@ def test_questions_are_answered_and_errors_name_the_robot() -> None:
     played(scene)
 
 
+def test_a_call_ends_with_the_job_that_has_made_it() -> None:
+    async def scene(lab: FleetLab, daemon: PlayedDaemon, script: FleetScript) -> None:
+        daemon.asked.put_nowait(("1", "alice", "call", ["robot.go", 9.0], 8.0))
+        robot = lab.robots["alice"]
+        await until(lambda: robot.did == [("robot.go", (9.0,))])
+        daemon.asked.put_nowait(("2", "alice", "cancel", ["2"], 8.0))
+        await until(lambda: daemon.heard("Fleet.answered(") == ['"2", true, nil)|'])
+        assert "cancelled" not in robot.connections[0].did
+        daemon.asked.put_nowait(("3", "alice", "cancel", ["1"], 8.0))
+        await until(lambda: "cancelled" in robot.connections[0].did)
+
+    played(scene)
+
+
 def test_only_changes_of_slots_that_were_read_are_told() -> None:
     async def scene(lab: FleetLab, daemon: PlayedDaemon, script: FleetScript) -> None:
         await until(lambda: daemon.heard("Fleet.met("))
@@ -159,9 +173,9 @@ def test_what_a_held_daemon_drives_elsewhere_gets_no_signs_of_life() -> None:
         await until(lambda: connection.term.fed > fed + 2)
         daemon.held.set()
         await until(lambda: not script.is_alive())
-        await asyncio.sleep(0.2)
+        await asyncio.sleep(0.5)
         fed = connection.term.fed
-        await asyncio.sleep(0.3)
+        await asyncio.sleep(1.0)
         assert connection.term.fed == fed
 
     played(scene)

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from urbihw.fleets.settings import FleetSettings
 
 WATCH_TIMEOUT_S: Final = 5.0
+RETRY_S: Final = 0.5
 STOPPED: Final = {"estop": "stopped, held until: {release}", "release": "released"}
 WORDS: Final = (
     "ls | watch [ROBOT [SLOT ...]] | call ROBOT FUNCTION [ARGUMENT ...] | read ROBOT SLOT | write ROBOT SLOT NUMBER | "
@@ -100,6 +101,7 @@ async def _run(settings: FleetSettings) -> None:
     """Join the robot to the fleet, then show the fleet to its programs.  Raises NameTaken."""
     from urbihw.fleets.bridge import FleetBridge
     from urbihw.fleets.line import FleetLine
+    from urbihw.fleets.meeting import NoMeeting
     from urbihw.fleets.script import FleetScript
     from urbihw.fleets.served import ServedRobot
 
@@ -108,7 +110,12 @@ async def _run(settings: FleetSettings) -> None:
 
     async def show() -> None:
         await bridge.here.wait()
-        line = FleetLine(settings.fleet, settings.name, settings.endpoint)
+        line = None
+        while line is None:
+            try:
+                line = FleetLine(settings.fleet, settings.name, settings.endpoint)
+            except NoMeeting:  # the router has just died
+                await asyncio.sleep(RETRY_S)
         script = FleetScript(robot.connect, line)
         line.is_alive = script.is_alive
         await script.run()

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import getpass
 import json
+import math
 import secrets
 import threading
 import time
@@ -32,6 +33,11 @@ ANSWER_TIMEOUT_S: Final = 3.0
 STOP_TIMEOUT_S: Final = 1.5
 """Seconds within which a bus worker has confirmed a stop, else it is named as one that has not."""
 LOOK_TIMEOUT_S: Final = 0.5
+HELLOS: Final = 3
+"""Questions for the time of a robot before the first order, unless one is answered in ``QUICK_S``."""
+QUICK_S: Final = 0.05
+TRUSTED_S: Final = 60.0
+"""Seconds for which the quickest answer about the clock of a robot counts: it may have started again."""
 BEATS: Final = 5
 """Signs of life within a dead man's time."""
 
@@ -184,27 +190,41 @@ class FleetLine:
         told: dict[str, Any] = self._move(robot, "write", {"slots": dict(slots)}, timeout)["applied"]
         return told
 
-    def call(self, robot: str, path: str, *args: Any, timeout: float = ANSWER_TIMEOUT_S) -> Any:
-        """Call a function of the robot that others may call, and wait for its end.  Raises FleetError."""
-        request = {"function": path, "args": list(args)}
+    def call(
+        self, robot: str, path: str, *args: Any, timeout: float = ANSWER_TIMEOUT_S, number: str = ""
+    ) -> Any:
+        """Call a function of the robot that others may call, and wait for its end.  Raises FleetError.
+
+        ``number`` names the call for ``cancel``.
+        """
+        request = {"function": path, "args": list(args), "number": number}
         if self.hello(robot):
             return self._move(robot, "call", request, timeout)["value"]
         return self._order(robot, "call", request, timeout)["value"]
 
+    def cancel(self, robot: str, number: str) -> None:
+        """End a call of this session that another thread waits for.  Raises FleetError."""
+        self._order(robot, "cancel", {"number": number, "session": self._instance}, ANSWER_TIMEOUT_S)
+
     def hello(self, robot: str) -> bool:
         """Whether the robot lets this one drive.  Raises FleetError."""
+        begin = time.monotonic()
         told = self._order(robot, "hello", {}, ANSWER_TIMEOUT_S)
+        now = time.monotonic()
         with self._lock:
-            driven = self._driven.get(robot)
-            if driven is None:
-                driven = self._driven[robot] = _Driven()
-            # The answer was under way: an order seems older to the robot than it is, never younger.
-            driven.ahead = float(told["now"]) - time.monotonic()
+            driven = self._driven.setdefault(robot, _Driven())
+            # The answer was under way: an order seems older to the robot than it is, never younger.  The quickest
+            # answer tells it best.
+            if now - begin <= driven.took or now > driven.until:
+                driven.took, driven.until = now - begin, now + TRUSTED_S
+                driven.ahead = float(told["now"]) - now
         return told["drive"] is True
 
     def _move(self, robot: str, verb: str, request: dict[str, Any], timeout: float) -> dict[str, Any]:
         """Give an order that moves, and signs of life from then on."""
-        if robot not in self._driven:
+        for _ in range(HELLOS):
+            if robot in self._driven and self._driven[robot].took < QUICK_S:
+                break
             self.hello(robot)
         driven = self._driven[robot]
         self._feed(robot, driven)
@@ -259,8 +279,11 @@ class FleetLine:
 
 
 class _Driven:
-    """A robot that this one drives: how far its clock is ahead, s, and the thread of the signs of life."""
+    """A robot that this one drives: how far its clock is ahead, the time that the answer took which told it, until when
+    that is trusted, in s, and the thread of the signs of life."""
 
     def __init__(self) -> None:
         self.ahead = 0.0
+        self.took = math.inf
+        self.until = 0.0
         self.thread: threading.Thread | None = None

@@ -135,8 +135,8 @@ def checked_endpoint(text: str) -> str:
     if scheme != "tcp" or not host or not port.isdecimal() or not 0 < int(port) < 65536:
         raise BadEndpoint(f"{text[:60]!r} is no endpoint: give one such as {DEFAULT_ENDPOINT}")
     if not is_own_machine(text):
-        raise BadEndpoint(f"{text[:60]}: a fleet is on one machine alone, since nothing is encrypted; lead the port there "
-                          f"by a tunnel (ssh -L 7447:127.0.0.1:7447)")
+        raise BadEndpoint(f"{text[:60]}: a fleet is on one machine alone, since nothing is encrypted; lead the port "
+                          "there by a tunnel (ssh -L 7447:127.0.0.1:7447)")
     return text
 
 

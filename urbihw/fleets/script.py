@@ -63,9 +63,11 @@ class FleetScript:
         pauses = BackOff(FIRST_PAUSE_S, MAX_PAUSE_S)
         try:
             while True:
-                with contextlib.suppress(ClientError, ExceptionGroup):
+                try:
                     async with await self._connect() as robot:
                         await self._serve(robot, pauses)
+                except* ClientError as errors:
+                    log.debug("the daemon: %s", errors.exceptions[0])
                 await asyncio.sleep(pauses.next_pause())
         finally:
             for task in self._asked:
@@ -140,6 +142,8 @@ class FleetScript:
 
     async def _answer(self, robot: AsyncRobot, asked: tuple[Any, ...]) -> None:
         number, name, verb, args, patience = asked
+        if verb == "call":
+            args = [str(number), *args]
         try:
             if len(self._asked) > MOST_ASKED:
                 raise FleetError(f"{name}: more than {MOST_ASKED} questions wait for an answer")
@@ -171,5 +175,9 @@ class FleetScript:
             line.write(name, {args[0]: args[1]}, patience)
             return None
         if verb == "call":
-            return line.call(name, *args, timeout=patience)
+            number, path, *rest = args
+            return line.call(name, path, *rest, timeout=patience, number=number)
+        if verb == "cancel":
+            line.cancel(name, str(args[0]))
+            return None
         raise FleetError(f"{name}: there is no {verb}")
