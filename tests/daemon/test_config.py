@@ -53,7 +53,7 @@ def test_the_defaults() -> None:
 def test_a_file_fills_every_setting(file: Path) -> None:
     # What each setting is in a file that leaves none at its default; a new setting comes here by its rule.
     tables = {"platform": "bioloid", "url": "/dev/ttyUSB7", "limits": {"speed": 1.5}, "options": {"protocol": 1}}
-    tables |= {"devices": {"hip": 3}, "metrics": "127.0.0.1:9100", "fleet_endpoint": "tls/teacher:7447"}
+    tables |= {"devices": {"hip": 3}, "metrics": "127.0.0.1:9100", "fleet_endpoint": "tcp/[::1]:7448"}
     given = {name: tables.get(name, another(name)) for name in Config.rules() if name not in ("fake", "world")}
     file.write_text("\n".join(f"{name} = {toml(value)}" for name, value in given.items()))
     made, default = configure(file), Config()

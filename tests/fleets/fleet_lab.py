@@ -98,6 +98,11 @@ class PlayedConnection:
     def __getitem__(self, path: str) -> Callable[..., Any]:
         async def call(*args: Any, timeout: float) -> None:
             self.did.append((path, args))
+            try:
+                await asyncio.sleep(timeout if args == (9.0,) else 0)
+            except asyncio.CancelledError:
+                self.did.append("cancelled")
+                raise
 
         return call
 
@@ -149,7 +154,7 @@ class FleetLab:
         self.tasks: dict[str, asyncio.Task[None]] = {}
         self.lines: deque[FleetLine] = deque()
 
-    async def join(self, name: str, drive: tuple[str, ...] = (), dead_man: float = 0.5) -> FleetBridge:
+    async def join(self, name: str, drive: tuple[str, ...] = (), dead_man: float = 2.0) -> FleetBridge:
         """Let a robot join, and wait until it is there, or has ended."""
         settings = FleetSettings(
             "school", name, Where("nowhere", 0), Credentials(), Path("nowhere"), self.endpoint, "toy",

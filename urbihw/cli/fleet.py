@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from urbihw.fleets.settings import FleetSettings
 
 WATCH_TIMEOUT_S: Final = 5.0
+RETRY_S: Final = 0.5
 STOPPED: Final = {"estop": "stopped, held until: {release}", "release": "released"}
 WORDS: Final = (
     "ls | watch [ROBOT [SLOT ...]] | call ROBOT FUNCTION [ARGUMENT ...] | read ROBOT SLOT | write ROBOT SLOT NUMBER | "
@@ -79,8 +80,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _serve(options: argparse.Namespace, server: str) -> int:
-    from urbihw.fleets.bridge import FleetBridge, NameTaken
-    from urbihw.fleets.served import ServedRobot
+    from urbihw.fleets.bridge import NameTaken
 
     logging.basicConfig(format="urbihw: %(message)s", level=logging.INFO)
     settings = _settings(options, server)
@@ -88,14 +88,39 @@ def _serve(options: argparse.Namespace, server: str) -> int:
     async def work() -> None:
         from urbihw.daemon.kept_work import run_until_told
 
-        bridge = FleetBridge(settings, ServedRobot(settings))
-        await run_until_told(bridge.run(), ends_with_input=options.child)
+        await run_until_told(_run(settings), ends_with_input=options.child)
 
     try:
         asyncio.run(work())
     except NameTaken as error:
         raise CliRefused(str(error), EX_CONFIG) from error
     return EX_OK
+
+
+async def _run(settings: FleetSettings) -> None:
+    """Join the robot to the fleet, then show the fleet to its programs.  Raises NameTaken."""
+    from urbihw.fleets.bridge import FleetBridge
+    from urbihw.fleets.line import FleetLine
+    from urbihw.fleets.meeting import NoMeeting
+    from urbihw.fleets.script import FleetScript
+    from urbihw.fleets.served import ServedRobot
+
+    robot = ServedRobot(settings)
+    bridge = FleetBridge(settings, robot)
+
+    async def show() -> None:
+        await bridge.here.wait()
+        line = None
+        while line is None:
+            try:
+                line = FleetLine(settings.fleet, settings.name, settings.endpoint)
+            except NoMeeting:  # the router has just died
+                await asyncio.sleep(RETRY_S)
+        script = FleetScript(robot.connect, line)
+        line.is_alive = script.is_alive
+        await script.run()
+
+    await asyncio.gather(bridge.run(), show())
 
 
 def _settings(options: argparse.Namespace, server: str) -> FleetSettings:

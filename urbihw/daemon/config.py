@@ -119,7 +119,7 @@ class Config(SettingsTable):
         panel_speed: speed of joints that a browser of role drive may ask for at most, rad/s.
         fleet: the fleet that the robot belongs to, by a bridge in a process of its own; empty for none.
         name: the name of the robot in its fleet; empty for that of the host.
-        fleet_endpoint: where the fleet meets, such as ``tls/teacher.local:7447``; without TLS on this machine only.
+        fleet_endpoint: where the fleet meets, on this machine alone.
         fleet_hz: how often the values are published, in Hz.
         fleet_drive: names of the members of the fleet that may drive this robot; all others only look, and stop.
         fleet_dead_man: seconds without a sign of life after which a far member that drives loses what it moves.

@@ -6,7 +6,8 @@ bridges meet at a router of zenoh.  The death of a bridge or a router costs no t
 
 Reading order: ``names`` (keys), ``settings``, ``meeting`` (sessions of zenoh, who is there), ``served`` (what the
 robot tells), ``drivers`` (leases of far clients), ``orders`` (what a far client may ask), ``bridge`` (what runs).  For
-programs: ``line`` (questions and answers, blocking), ``program`` (``urbihw.fleet``).
+programs: ``line`` (questions and answers, blocking), ``program`` (``urbihw.fleet``), ``script`` (``Fleet`` in
+urbiscript).
 
 May import the client side (``urbihw.client``), the control socket of the daemon, the verdict on the health of a
 robot, and what the web gateway knows of a tree: what may be read, written and called from outside.  It never imports

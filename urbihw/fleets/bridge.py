@@ -17,7 +17,7 @@ import zenoh
 
 from urbihw.fleets.drivers import FarDrivers, FleetRefusal
 from urbihw.fleets.meeting import joined, keep_router, tokens
-from urbihw.fleets.names import FleetKeys, FleetOrder, is_own_machine, owner_in
+from urbihw.fleets.names import FleetKeys, FleetOrder, owner_in
 from urbihw.fleets.orders import OrderDesk, request_in
 from urbihw.fleets.served import ServedRobot
 from urbihw.fleets.settings import FleetSettings
@@ -59,16 +59,14 @@ class FleetBridge:
 
     async def run(self) -> None:
         """Join the fleet, and serve it."""
-        endpoint = self.settings.endpoint
-        routing = self._loop.create_task(keep_router(endpoint)) if is_own_machine(endpoint) else None
+        routing = self._loop.create_task(keep_router(self.settings.endpoint))
         try:
-            async with joined(endpoint) as session:
+            async with joined(self.settings.endpoint) as session:
                 await self._take_name(session)
                 await self._serve(session)
         finally:
-            if routing is not None:
-                routing.cancel()
-                await asyncio.wait((routing,))
+            routing.cancel()
+            await asyncio.wait((routing,))
 
     async def _serve(self, session: zenoh.Session) -> None:
         held = self._declare(session)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import getpass
 import json
+import math
 import secrets
 import threading
 import time
@@ -32,6 +33,11 @@ ANSWER_TIMEOUT_S: Final = 3.0
 STOP_TIMEOUT_S: Final = 1.5
 """Seconds within which a bus worker has confirmed a stop, else it is named as one that has not."""
 LOOK_TIMEOUT_S: Final = 0.5
+HELLOS: Final = 3
+"""Questions for the time of a robot before the first order, unless one is answered in ``QUICK_S``."""
+QUICK_S: Final = 0.05
+TRUSTED_S: Final = 60.0
+"""Seconds for which the quickest answer about the clock of a robot counts: it may have started again."""
 BEATS: Final = 5
 """Signs of life within a dead man's time."""
 
@@ -55,8 +61,9 @@ class StopTold(NamedTuple):
 class FleetLine:
     """A session in a fleet, under a name: ``with FleetLine("school", "teacher") as line``.
 
-    ``fleet`` "" is the only one that meets there.  Raises NoMeeting, BadEndpoint, BadFleetName; FleetError when there
-    are several fleets.
+    ``fleet`` "" is the only one that meets there.  ``is_alive`` tells whether the one who asks through this session
+    lives: without that, what it moves gets no signs of life.  Raises NoMeeting, BadEndpoint, BadFleetName; FleetError
+    when there are several fleets.
     """
 
     def __init__(self, fleet: str = "", name: str = "", endpoint: str = DEFAULT_ENDPOINT) -> None:
@@ -72,6 +79,7 @@ class FleetLine:
         self._driven: dict[str, _Driven] = {}
         self._lock = threading.Lock()
         self._ending = threading.Event()
+        self.is_alive: Callable[[], bool] = lambda: True
 
     def _only_fleet(self, endpoint: str) -> str:
         found = sorted({owner_in(key)[0] for key in tokens(self._session, f"{ALL}/{ALL}/robot/*", LOOK_TIMEOUT_S)})
@@ -137,6 +145,13 @@ class FleetLine:
         keys = FleetKeys(self.keys.fleet, ALL)
         return self._session.liveliness().declare_subscriber(keys.robots, heard, history=True)
 
+    def hear_values(self, on_values: Callable[[str, Mapping[str, Any]], None]) -> object:
+        """Call a function, in a thread of zenoh, with what each robot publishes; keep what is returned."""
+        def heard(sample: zenoh.Sample) -> None:
+            on_values(owner_in(str(sample.key_expr))[1], json.loads(bytes(sample.payload))["v"])
+
+        return self._session.declare_subscriber(FleetKeys(self.keys.fleet, ALL).values, heard)
+
     # ---------------------------------------------------------------- stops
 
     def stop(self, verb: str = "estop", robot: str = ALL) -> StopTold:
@@ -175,27 +190,41 @@ class FleetLine:
         told: dict[str, Any] = self._move(robot, "write", {"slots": dict(slots)}, timeout)["applied"]
         return told
 
-    def call(self, robot: str, path: str, *args: Any, timeout: float = ANSWER_TIMEOUT_S) -> Any:
-        """Call a function of the robot that others may call, and wait for its end.  Raises FleetError."""
-        request = {"function": path, "args": list(args)}
+    def call(
+        self, robot: str, path: str, *args: Any, timeout: float = ANSWER_TIMEOUT_S, number: str = ""
+    ) -> Any:
+        """Call a function of the robot that others may call, and wait for its end.  Raises FleetError.
+
+        ``number`` names the call for ``cancel``.
+        """
+        request = {"function": path, "args": list(args), "number": number}
         if self.hello(robot):
             return self._move(robot, "call", request, timeout)["value"]
         return self._order(robot, "call", request, timeout)["value"]
 
+    def cancel(self, robot: str, number: str) -> None:
+        """End a call of this session that another thread waits for.  Raises FleetError."""
+        self._order(robot, "cancel", {"number": number, "session": self._instance}, ANSWER_TIMEOUT_S)
+
     def hello(self, robot: str) -> bool:
         """Whether the robot lets this one drive.  Raises FleetError."""
+        begin = time.monotonic()
         told = self._order(robot, "hello", {}, ANSWER_TIMEOUT_S)
+        now = time.monotonic()
         with self._lock:
-            driven = self._driven.get(robot)
-            if driven is None:
-                driven = self._driven[robot] = _Driven()
-            # The answer was under way: an order seems older to the robot than it is, never younger.
-            driven.ahead = float(told["now"]) - time.monotonic()
+            driven = self._driven.setdefault(robot, _Driven())
+            # The answer was under way: an order seems older to the robot than it is, never younger.  The quickest
+            # answer tells it best.
+            if now - begin <= driven.took or now > driven.until:
+                driven.took, driven.until = now - begin, now + TRUSTED_S
+                driven.ahead = float(told["now"]) - now
         return told["drive"] is True
 
     def _move(self, robot: str, verb: str, request: dict[str, Any], timeout: float) -> dict[str, Any]:
         """Give an order that moves, and signs of life from then on."""
-        if robot not in self._driven:
+        for _ in range(HELLOS):
+            if robot in self._driven and self._driven[robot].took < QUICK_S:
+                break
             self.hello(robot)
         driven = self._driven[robot]
         self._feed(robot, driven)
@@ -213,6 +242,8 @@ class FleetLine:
     def _beat(self, robot: str, driven: _Driven, period: float) -> None:
         key = self.keys.order(robot, "beat")
         while not self._ending.wait(period):
+            if not self.is_alive():
+                continue
             told = {"session": self._instance, "made": time.monotonic() + driven.ahead}
             try:
                 self._session.put(
@@ -248,8 +279,11 @@ class FleetLine:
 
 
 class _Driven:
-    """A robot that this one drives: how far its clock is ahead, s, and the thread of the signs of life."""
+    """A robot that this one drives: how far its clock is ahead, the time that the answer took which told it, until when
+    that is trusted, in s, and the thread of the signs of life."""
 
     def __init__(self) -> None:
         self.ahead = 0.0
+        self.took = math.inf
+        self.until = 0.0
         self.thread: threading.Thread | None = None

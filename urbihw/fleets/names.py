@@ -126,17 +126,17 @@ class BadEndpoint(ValueError):
 
 
 def checked_endpoint(text: str) -> str:
-    """An endpoint such as ``tcp/127.0.0.1:7447`` or ``tls/teacher.local:7447``.  Raises BadEndpoint.
+    """An endpoint of this machine alone, such as ``tcp/127.0.0.1:7447``.  Raises BadEndpoint.
 
     Nothing goes in clear off this machine: without TLS names prove nothing, and anybody in the network could drive.
     """
     scheme, _, place = text.partition("/")
     host, _, port = place.rpartition(":")
-    if scheme not in ("tcp", "tls") or not host or not port.isdecimal() or not 0 < int(port) < 65536:
-        example = f"{DEFAULT_ENDPOINT} or tls/teacher.local:7447"
-        raise BadEndpoint(f"{text[:60]!r} is no endpoint: give one such as {example}")
-    if scheme == "tcp" and not is_own_machine(text):
-        raise BadEndpoint(f"{text[:60]}: a fleet off this machine needs TLS: tls/{place}")
+    if scheme != "tcp" or not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise BadEndpoint(f"{text[:60]!r} is no endpoint: give one such as {DEFAULT_ENDPOINT}")
+    if not is_own_machine(text):
+        raise BadEndpoint(f"{text[:60]}: a fleet is on one machine alone, since nothing is encrypted; lead the port "
+                          "there by a tunnel (ssh -L 7447:127.0.0.1:7447)")
     return text
 
 

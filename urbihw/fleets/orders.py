@@ -6,11 +6,13 @@ the settings of the robot that is to move, and a lease.
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import json
 import logging
 import math
 import time
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Iterator, Mapping
 from typing import Any, Final
 
 from urbihw.client.errors import ClientError
@@ -45,7 +47,9 @@ class OrderDesk:
             "read": self._read,
             "write": self._write,
             "call": self._call,
+            "cancel": self._cancel,
         }
+        self._calls: dict[tuple[str, str, str], asyncio.Task[Any]] = {}
 
     async def answer(self, order: FleetOrder, payload: bytes) -> bytes:
         """The answer to an order, also to one that is refused."""
@@ -138,8 +142,28 @@ class OrderDesk:
         self._drivers.check_right(who)
         self._drivers.check_age(request.get("made"))
         driver = await self._drivers.driver(who, _session_in(request))
-        await driver.robot[path](*args, timeout=_wait_in(request))
+        with self._cancellable(who, request):
+            await driver.robot[path](*args, timeout=_wait_in(request))
         return {"value": None}
+
+    @contextlib.contextmanager
+    def _cancellable(self, who: str, request: Request) -> Iterator[None]:
+        """Let a call be ended by its number, for a job of the far client that was stopped."""
+        key, task = (who, _session_in(request), str(request.get("number"))), asyncio.current_task()
+        assert task is not None
+        self._calls[key] = task
+        try:
+            yield
+        finally:
+            if self._calls.get(key) is task:
+                del self._calls[key]
+
+    async def _cancel(self, who: str, request: Request) -> dict[str, Any]:
+        """End a call that waits; there may be none of this number any more."""
+        found = self._calls.get((who, _session_in(request), str(request.get("number"))))
+        if found is not None:
+            found.cancel()
+        return {}
 
 
 def request_in(payload: bytes) -> Request:

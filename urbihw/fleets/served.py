@@ -131,8 +131,8 @@ class ServedRobot:
                     if key:
                         pauses.reset()
                         await self._watch_devices(robot, key)
-            except (ClientError, ExceptionGroup) as error:
-                log.debug("the daemon: %s", error)
+            except* ClientError as errors:
+                log.debug("the daemon: %s", errors.exceptions[0])
             self.values = {}
             await asyncio.sleep(pauses.next_pause())
 

@@ -1,0 +1,183 @@
+"""The fleet as programs of this robot see it: the object ``Fleet`` of urbiscript (``fleet.u``).
+
+The bridge defines it and serves it, as a client of the daemon: it hears what is asked as an event, and answers by
+statements.  A slot of another robot is watched there once a program has read it, and each change becomes one assignment
+here.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import time
+from collections.abc import Awaitable, Callable, Mapping
+from importlib.resources import files
+from typing import Any, Final
+
+from urbihw.backoff import BackOff
+from urbihw.client.aio import AsyncRobot
+from urbihw.client.errors import ClientError
+from urbihw.client.literals import literal, string_literal
+from urbihw.fleets.line import FleetError, FleetLine
+from urbihw.fleets.names import ALL, checked_fleet_name
+
+log = logging.getLogger("urbihw.fleets")
+
+PROGRAM: Final = files("urbihw.fleets").joinpath("fleet.u").read_text("ascii")
+FIRST_PAUSE_S: Final = 0.25
+MAX_PAUSE_S: Final = 2.0
+MOST_ASKED: Final = 32
+"""Questions of programs that may wait for an answer."""
+ALIVE_S: Final = 0.25
+"""Seconds since an answer of the daemon for which it counts as alive: then what it drives elsewhere goes on."""
+PING_PERIOD_S: Final = 0.1
+MAX_WAIT_S: Final = 60.0
+
+
+class FleetScript:
+    """Serves ``Fleet`` in one daemon.  ``line`` asks the fleet under the name of the robot; ``run`` runs until it is
+    cancelled.  Set ``is_alive`` of the line to that of this object.
+    """
+
+    def __init__(self, connect: Callable[[], Awaitable[AsyncRobot]], line: FleetLine) -> None:
+        self._connect = connect
+        self._line = line
+        self._loop = asyncio.get_running_loop()
+        self._answered_at = -1.0
+        self._here: set[str] = set()
+        self._wanted: dict[str, set[str]] = {}
+        self._fresh: dict[str, dict[str, Any]] = {}
+        self._changed = asyncio.Event()
+        self._asked: set[asyncio.Task[None]] = set()
+
+    def is_alive(self) -> bool:
+        """Whether the daemon answers: what a held program drives elsewhere must stop."""
+        return time.monotonic() - self._answered_at < ALIVE_S
+
+    async def run(self) -> None:
+        """Serve until the task is cancelled; a daemon that has gone is waited for."""
+        held = self._line.hear(lambda name, there: self._post(self._note, name, there)), self._line.hear_values(
+            lambda name, values: self._post(self._take, name, values)
+        )
+        pauses = BackOff(FIRST_PAUSE_S, MAX_PAUSE_S)
+        try:
+            while True:
+                try:
+                    async with await self._connect() as robot:
+                        await self._serve(robot, pauses)
+                except* ClientError as errors:
+                    log.debug("the daemon: %s", errors.exceptions[0])
+                await asyncio.sleep(pauses.next_pause())
+        finally:
+            for task in self._asked:
+                task.cancel()
+            self._line.close()
+            del held
+
+    async def _serve(self, robot: AsyncRobot, pauses: BackOff) -> None:
+        await robot.run('lobby.introduce("fleet")|')
+        await robot.run(f'if (!Global.hasLocalSlot("Fleet")) {{ {PROGRAM} }}|', timeout=10.0)
+        pauses.reset()
+        for name in await robot.run("Fleet.robots.keys"):
+            if name not in self._here:
+                await robot.run(f"Fleet.missed({string_literal(name)})|")
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(self._ping(robot))
+            tasks.create_task(self._tell(robot))
+            async with robot.events("Fleet.asked") as asked:
+                async for sample in asked:
+                    self._begin(robot, sample.args)
+
+    async def _ping(self, robot: AsyncRobot) -> None:
+        while True:
+            await robot.run("1")
+            self._answered_at = time.monotonic()
+            await asyncio.sleep(PING_PERIOD_S)
+
+    # ---------------------------------------------------------------- what the fleet tells
+
+    def _post(self, work: Callable[..., None], *args: Any) -> None:
+        with contextlib.suppress(RuntimeError):  # the loop has ended
+            self._loop.call_soon_threadsafe(work, *args)
+
+    def _note(self, name: str, there: bool) -> None:
+        if name != self._line.keys.name:
+            (self._here.add if there else self._here.discard)(name)
+            self._changed.set()
+
+    def _take(self, name: str, values: Mapping[str, Any]) -> None:
+        """Keep what has changed of the slots that programs have read; only the newest counts."""
+        wanted = self._wanted.get(name)
+        if wanted:
+            self._fresh.setdefault(name, {}).update((path, values[path]) for path in wanted if path in values)
+            self._changed.set()
+
+    async def _tell(self, robot: AsyncRobot) -> None:
+        """Tell the daemon who is there and what has changed, one statement at a time."""
+        told: set[str] = set()
+        sent: dict[str, dict[str, Any]] = {}
+        self._changed.set()
+        while True:
+            await self._changed.wait()
+            self._changed.clear()
+            for name in sorted(self._here ^ told):
+                verb = "met" if name in self._here else "missed"
+                told ^= {name}
+                await robot.run(f"Fleet.{verb}({string_literal(name)})|")
+            while self._fresh:
+                name, values = self._fresh.popitem()
+                before = sent.setdefault(name, {})
+                changed = {path: value for path, value in values.items() if before.get(path, before) != value}
+                if changed:
+                    before.update(changed)
+                    await robot.run(f"Fleet.took({string_literal(name)}, {literal(changed)})|")
+
+    # ---------------------------------------------------------------- what programs ask
+
+    def _begin(self, robot: AsyncRobot, asked: tuple[Any, ...]) -> None:
+        task = self._loop.create_task(self._answer(robot, asked))
+        self._asked.add(task)
+        task.add_done_callback(self._asked.discard)
+
+    async def _answer(self, robot: AsyncRobot, asked: tuple[Any, ...]) -> None:
+        number, name, verb, args, patience = asked
+        if verb == "call":
+            args = [str(number), *args]
+        try:
+            if len(self._asked) > MOST_ASKED:
+                raise FleetError(f"{name}: more than {MOST_ASKED} questions wait for an answer")
+            value = await asyncio.to_thread(self._do, str(name), str(verb), list(args), min(patience, MAX_WAIT_S))
+            told = f"true, {literal(value)}"
+        except (FleetError, ValueError, TypeError) as error:
+            told = f"false, {string_literal(str(error))}"
+        with contextlib.suppress(ClientError):
+            await robot.run(f"Fleet.answered({string_literal(str(number))}, {told})|")
+
+    def _do(self, name: str, verb: str, args: list[Any], patience: float) -> Any:
+        """Ask the fleet, in a thread.  Raises FleetError, and ValueError for what cannot be asked."""
+        line = self._line
+        if verb in ("estop", "release"):
+            failed = line.stop(verb, ALL if name == ALL else checked_fleet_name(name)).failed
+            if failed:
+                raise FleetError("; ".join(f"{robot}: {why}" for robot, why in failed.items()))
+            return None
+        if verb == "describe":
+            info = line.info(name)
+            if not info["slots"] and not info["calls"]:
+                raise FleetError(f"{name} has not told yet what it has")
+            return [sorted(info["slots"]), info["calls"]]
+        if verb == "watch":
+            told = line.value(name, args[0])
+            self._wanted.setdefault(name, set()).add(args[0])
+            return told["value"]
+        if verb == "write":
+            line.write(name, {args[0]: args[1]}, patience)
+            return None
+        if verb == "call":
+            number, path, *rest = args
+            return line.call(name, path, *rest, timeout=patience, number=number)
+        if verb == "cancel":
+            line.cancel(name, str(args[0]))
+            return None
+        raise FleetError(f"{name}: there is no {verb}")
