@@ -22,6 +22,7 @@ from urbihw.kernel import Kernel
 from urbihw.kernel.compiler import library
 
 E2E = Path(__file__).parent / "e2e"
+BELOW_E2E = f"{E2E}{os.sep}"
 SHARED_OUT = ("tests/platforms/", "tests/e2e/", "tests/hostile/test_attacks.py")
 """Where tests of one file may run in several workers, unless its fixtures are made once for the file."""
 ONE_OF = {
@@ -86,7 +87,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark by folder: a test cannot forget to say that it uses real time.  Mark by ``ONE_OF`` which cases are long."""
     cases: Counter[str] = Counter()
     for item in items:
-        if E2E in item.path.parents:
+        if str(item.path).startswith(BELOW_E2E):
             item.add_marker("e2e")
         test, bracket, _ = item.nodeid.partition("[")
         fewer = ONE_OF.get(test.removeprefix("tests/"))

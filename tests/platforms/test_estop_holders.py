@@ -21,7 +21,7 @@ class Place:
     """A robot, and the connections of people."""
 
     def __init__(self) -> None:
-        self.lab = Lab.ready()
+        self.lab = Lab.small(6)
         self.lab.run(0.1)
 
     def client(self, peer: str | None = None, user: str = "", label: str = "") -> Any:
