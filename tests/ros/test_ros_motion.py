@@ -211,8 +211,9 @@ def test_old_order_is_not_carried_out(
         kind: Any = type("Kind", (), {"name": "k/K", "md5": "*"})()
         made = RosSubscription("/t", kind, "/us", lambda data, who: got.append(data), gone.append, True)
         made.follow(["http://x:1"], old)
-        while not gone:
-            await asyncio.sleep(0)
+        async with asyncio.timeout(5):
+            while not gone:
+                await asyncio.sleep(0.001)
         await made.close()
 
     asyncio.run(run())

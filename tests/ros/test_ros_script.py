@@ -17,7 +17,7 @@ import pytest
 from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.robot import ROBOT_LIBRARY
-from urbihw.ros.orders import WINDOW
+from urbihw.ros.orders import WINDOW, TopicMessage
 from urbihw.ros.script import ROS_LIBRARY
 from urbihw.ros.script.link import ros_link
 from urbihw_fakes.rosgraph import RosMasterFake, RosNodeFake
@@ -239,6 +239,24 @@ def test_topic_that_is_too_fast(stage: Stage, other: RosNodeFake) -> None:
     (held,) = stage.say("Global.seen.size")
     assert 1 <= int(held) <= WINDOW + WINDOW // 2
     assert stage.say("fast.unsubscribe; Ros.checkMaster") == ["true"]
+
+
+def test_connection_that_ends_leaves_the_topic_to_others(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What waits for a window that is closed counts as taken: the process sends so many messages more to others."""
+    window, link, told = stage.open(), ros_link(stage.kernel.world), list[tuple[Any, ...]]()
+    stage.say('var t = Ros.Topic.new("/shared")|; t.advertise("std_msgs/String"); t.unadvertise; t.subscribe', window)
+    tell = link.tell
+
+    def note(*order: Any) -> None:
+        told.append(order)
+        tell(*order)
+
+    monkeypatch.setattr(link, "tell", note)
+    for _ in range(3):
+        link._handle(TopicMessage("/shared", (window.slots["t"]._handle,), {"data": "a"}, 0))
+    assert told == []
+    window.close()
+    stage.until(lambda: told.count(("taken", "/shared")) == 3)
 
 
 def test_process_that_is_killed_is_started_again(stage: Stage, caplog: pytest.LogCaptureFixture) -> None:

@@ -88,8 +88,10 @@ class RosLink:
             self._send(Order(self.new_handle(), verb, arguments))
 
     def taken(self, said: TopicMessage) -> None:
-        """One of the listeners has handled a message."""
-        topic, left = self._untaken.pop(id(said))
+        """One of the listeners has handled a message; one of a process that has ended does not count."""
+        topic, left = self._untaken.pop(id(said), ("", 0))
+        if not topic:
+            return
         if left > 1:
             self._untaken[id(said)] = topic, left - 1
         else:

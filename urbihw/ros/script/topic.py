@@ -6,6 +6,7 @@ handler that is slow misses messages: ``WINDOW`` handlers run at most, and half 
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Any, Final
 
 from urbihw.kernel.library import Event, Obj, Table, Value, World, automatic_service, errors, holdings_of
@@ -38,7 +39,7 @@ class RosTopicObject(Obj):
         missed: number of messages that came too fast.
     """
 
-    __slots__ = ("_handlers", "_handle", "_holdings", "_owner", "_pending", "advertised", "missed", "name", "peers",
+    __slots__ = ("_handlers", "_handle", "_holdings", "_owner", "_waiting", "advertised", "missed", "name", "peers",
                  "subscribed", "template")  # fmt: skip
 
     def __init__(self, world: World, protos: list[Obj]) -> None:
@@ -49,7 +50,8 @@ class RosTopicObject(Obj):
         self.peers: list[str] = []
         self.missed = 0
         self._handle = 0
-        self._pending = self._handlers = 0
+        self._handlers = 0
+        self._waiting: deque[TopicMessage] = deque()
         self._owner: Any = None
         self._holdings: Any = None
 
@@ -98,6 +100,9 @@ class RosTopicObject(Obj):
             link.tell("unadvertise", self._handle, self.name)
         self.subscribed = self.advertised = False
         link.forget(self._handle)
+        # Others that follow the topic must not wait for what this one will not handle.
+        while self._waiting:
+            link.taken(self._waiting.popleft())
 
     # ---------------------------------------------------------------- what comes
 
@@ -108,15 +113,17 @@ class RosTopicObject(Obj):
             return
         assert isinstance(said, TopicMessage)
         self.missed += said.missed
-        if self._pending >= WINDOW // 2 or self._handlers >= WINDOW:
+        if len(self._waiting) >= WINDOW // 2 or self._handlers >= WINDOW:
             self.missed += 1
             link.taken(said)
             return
-        self._pending += 1
-        automatic_service(self.world).queue_event(self._owner, lambda: self._emit_message(link, said))
+        self._waiting.append(said)
+        automatic_service(self.world).queue_event(self._owner, lambda: self._emit_message(link))
 
-    def _emit_message(self, link: RosLink, said: TopicMessage) -> None:
-        self._pending -= 1
+    def _emit_message(self, link: RosLink) -> None:
+        if not self._waiting:
+            return
+        said = self._waiting.popleft()
         link.taken(said)
         if not self.subscribed:
             return
