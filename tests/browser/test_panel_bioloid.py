@@ -250,3 +250,27 @@ def test_on_a_phone_nothing_is_wider_than_the_screen_and_stop_is_in_view(scene: 
         box = page.locator("#stop").bounding_box()
         assert box is not None
         assert box["y"] >= 0 and box["y"] + box["height"] < 200 and box["width"] >= 120 and box["height"] >= 48
+
+
+def test_the_page_speaks_words_of_people_and_keeps_still(panel: Visitor) -> None:
+    page = panel.page
+    page.wait_for_selector("[data-part=motor6] .head:has-text('left hand motor6')")
+    page.wait_for_selector("#doing:has-text('standing')")
+    page.fill("#motion-name", "wave")
+    panel.open("plots")
+    page.wait_for_selector(".chips:has-text('motor1.val')")  # the most telling slots are drawn already, in degrees
+    page.wait_for_selector(".chart")
+    panel.open("control")
+    assert page.input_value("#motion-name") == "wave"
+    place = page.locator("#tab-control").bounding_box()
+    page.click("#estop")
+    page.wait_for_selector("#held #release")
+    page.wait_for_selector("#doing:has-text('held by an emergency stop')")
+    assert page.locator("#tab-control").bounding_box() == place
+
+
+def test_who_only_looks_sees_no_handles(scene: Scene, visit: Visit) -> None:
+    page = visit(scene.pair("view", "cleo")).page
+    page.wait_for_selector("[data-part=motor6] .measured", state="attached")
+    handles = "[...document.querySelectorAll('main input, main button')].filter(e => e.offsetParent)"
+    assert page.evaluate(f"{handles}.map(e => e.textContent)") == ["Show", "Copy pose"]

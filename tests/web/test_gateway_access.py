@@ -42,7 +42,10 @@ def test_a_browser_needs_a_cookie_and_a_code_is_good_once(tmp_path: Path) -> Non
         assert "HttpOnly" in cookie and "SameSite=Strict" in cookie and cookie.startswith("urbihw_")
         assert (await client.get(f"{made.base}/")).status in (200, 404)  # 404 without the files of the panel
         assert (await made.client().get(url, allow_redirects=False)).status == 403
-        assert (await made.client().get(f"{made.base}/pair?c=wrong")).status == 403
+        wrong = await made.client().get(f"{made.base}/pair?c=wrong")
+        assert wrong.status == 403
+        assert '<link rel="stylesheet" href="/static/style.css">' in await wrong.text()
+        assert (await made.client().get(f"{made.base}/static/style.css")).status == 200  # which needs no cookie
 
     play(tmp_path, test)
 

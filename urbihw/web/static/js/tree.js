@@ -32,13 +32,15 @@ export class Part {
     this.kind = found ? found[0] : "";
   }
 
-  /** What people call it, by its place in the tree: "left arm shoulder pitch", "back-right sonar", "joint 6". */
+  /** What people call it, by its place in the tree: "left arm shoulder pitch", "back-right-back sonar", "joint 6"; a name
+   * of several words, such as shoulder_pan, was given by people. */
   get words() {
+    if (this.title.includes("_")) return this.title;
     const steps = this.node.path.replace(/^robot\.(body\.)?/, "").split(".");
     return steps.map((step) => {
       const name = step.replace(/\[.*$/, "").replace(/([a-z])([A-Z])/g, "$1 $2").toLowerCase();
       const places = [...step.matchAll(/\["?([^\]"]*)"?\]/g)].map(([, place]) => place);
-      const words = [...new Set(places)].join("-");
+      const words = places.join("-");
       return /^\d/.test(words) ? `${name} ${words}` : words ? `${words} ${name}` : name;
     }).join(" ");
   }
