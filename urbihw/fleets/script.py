@@ -27,6 +27,8 @@ log = logging.getLogger("urbihw.fleets")
 PROGRAM: Final = files("urbihw.fleets").joinpath("fleet.u").read_text("ascii")
 FIRST_PAUSE_S: Final = 0.25
 MAX_PAUSE_S: Final = 2.0
+START_TIMEOUT_S: Final = 30.0
+"""Seconds in which the daemon has learnt what ``Fleet`` is: the machine may be busy."""
 MOST_ASKED: Final = 32
 """Questions of programs that may wait for an answer."""
 ALIVE_S: Final = 0.25
@@ -77,7 +79,7 @@ class FleetScript:
 
     async def _serve(self, robot: AsyncRobot, pauses: BackOff) -> None:
         await robot.run('lobby.introduce("fleet")|')
-        await robot.run(f'if (!Global.hasLocalSlot("Fleet")) {{ {PROGRAM} }}|', timeout=10.0)
+        await robot.run(f'if (!Global.hasLocalSlot("Fleet")) {{ {PROGRAM} }}|', timeout=START_TIMEOUT_S)
         pauses.reset()
         for name in await robot.run("Fleet.robots.keys"):
             if name not in self._here:

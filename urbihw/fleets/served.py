@@ -32,7 +32,7 @@ KEY_PERIOD_S: Final = 2.0
 """Seconds between two looks whether the robot has other devices now."""
 FIRST_PAUSE_S: Final = 0.25
 MAX_PAUSE_S: Final = 2.0
-ANSWER_TIMEOUT_S: Final = 5.0
+ANSWER_TIMEOUT_S: Final = 10.0
 _IF_THERE: Final = 'if (Global.hasLocalSlot("robot")) %s else "null"'
 
 
