@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import pytest
 
 from urbihw import settings as s
+from urbihw.frozen import frozen
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class Toy(s.SettingsTable):
     """A toy.
 

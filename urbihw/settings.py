@@ -3,7 +3,7 @@
 A table is a frozen dataclass that derives from ``SettingsTable``.  Its fields are made by ``setting``, and its
 docstring explains them under "Attributes"::
 
-    @dataclass(frozen=True)
+    @frozen(slots=False)
     class Options(SettingsTable):
         \"\"\"The options of a toy.
 
@@ -25,8 +25,10 @@ import ipaddress
 import math
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from typing import Any, NamedTuple, Self
+
+from urbihw.frozen import frozen
 
 
 class BadSetting(ValueError):
@@ -68,7 +70,7 @@ def is_address(host: str) -> bool:
     return True
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class SettingRule:
     """The rule that the value of a setting must fulfil.
 
@@ -206,7 +208,7 @@ def setting(default: Any, rule: SettingRule, *, in_url: bool = False, secret: bo
     return field(default=default, repr=not secret, metadata=about)
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class SettingsTable:
     """Base class of all tables of settings."""
 

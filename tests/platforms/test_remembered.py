@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import json
 import os
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ def test_what_was_saved_comes_back_for_its_url_only(tmp_path: Path) -> None:
     assert [each.name for each in file.parent.iterdir()] == ["toy.json"]
 
 
-ROW = json.loads(json.dumps({name: getattr(SERVO, name) for name in SERVO.__slots__}))
+ROW = json.loads(json.dumps({each.name: getattr(SERVO, each.name) for each in fields(SERVO)}))
 
 
 @pytest.mark.parametrize(

@@ -14,11 +14,11 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final, TextIO
 
 from urbihw.buses.errors import BadFrame
 from urbihw.buses.trace import Chunk, Direction
+from urbihw.frozen import frozen
 
 _TIME: Final = r"(\d{1,12}(?:\.\d{1,12})?)"
 _BYTES: Final = re.compile(rf"(?:{_TIME}\s+)?([<>])((?:\s+[0-9A-Fa-f]{{2}})+)\s*")
@@ -34,7 +34,7 @@ _LONGEST_LINE: Final = 1 << 20
 """Characters of a line at most."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class CaptureHead:
     """What a capture tells of itself: a comment, which other readers of captures pass over.
 

@@ -15,13 +15,13 @@ import re
 import socket
 from collections import deque
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any, Final
 
 from urbihw.buses.events import event_line
 from urbihw.buses.latches import plain_name
 from urbihw.buses.messages import Release
 from urbihw.control_address import local_user
+from urbihw.frozen import frozen
 
 STOP, ESTOP, RELEASE, STATE, SUBSCRIBE, HEALTH = "stop", "estop", "release", "state", "subscribe", "health"
 TRACE: Final = "trace"
@@ -53,7 +53,7 @@ MAX_WAITING_VALUES: Final = 4
 """Lines that wait for a client from which on values are left out: a plot wants the newest ones."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ControlCommand:
     """A command of a client: `verb` of VERBS, `who` asked, and the `client` that gets the answer.  `rate` is that of
     VALUES, in Hz; 0 ends them.  `user` is whose emergency stop it is; a release may be for `others`, or for all.

@@ -8,7 +8,7 @@ the first three in any case.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Final
 
 from urbihw.buses.authority import STALE, MotionAuthority
@@ -27,12 +27,13 @@ from urbihw.buses.messages import (
 )
 from urbihw.buses.setpoints import Key, SetPoints
 from urbihw.buses.thresholds import ThresholdMonitor
+from urbihw.frozen import frozen
 
 NO_ORIGIN: Final = "it would move the robot, and its platform does not tell who asks for it (no origin)"
 """Why a setting that would move the robot is refused: no stop and no lease would end such a motion."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ThresholdActions:
     """The consequences of thresholds that were crossed: devices to stop, targets to set, messages to post."""
 

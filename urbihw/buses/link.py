@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Self
 from urllib.parse import parse_qsl
 
 from urbihw.buses.clock import BusClock, BusRealClock
 from urbihw.buses.errors import BadUrl, LinkGone
+from urbihw.frozen import frozen
 from urbihw.settings import SettingRule, from_texts
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ _FIND_THEIR_TARGET = {"spykee", "webots"}  # schemes of ports that look for thei
 _MOST_DISCARDED = 1 << 16  # far more than any system holds for a reader that sleeps
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class Url:
     """A bus url taken apart: `scheme://target?key=value`.
 
@@ -95,7 +96,7 @@ def _pairs(url: str, query: str) -> dict[str, str]:
         raise BadUrl(f"bus url {url!r}: options behind '?' must be written key=value&key=value") from error
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class Context:
     """What a link may need from the code that opens it.
 

@@ -13,11 +13,11 @@ import pickle
 import select
 import time
 from collections import deque
-from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Final
 
 from urbihw.buses.messages import FromWorker, Samples, ToWorker
+from urbihw.frozen import frozen
 
 _KEPT = 1000
 _LAST_WORDS_S = 0.5
@@ -26,7 +26,7 @@ PIECE_BYTES: Final = 65_536
 """Bytes of one piece of a large message: as many as a pipe takes whenever it is writable."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Piece:
     """A part of a pickled message; `last` for the one that completes it."""
 

@@ -15,11 +15,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
+from urbihw.frozen import frozen
 
-@dataclass(frozen=True, slots=True)
+
+@frozen
 class Targets:
     """New values to write, by (device, item).
 
@@ -44,7 +46,7 @@ class Targets:
     settings: frozenset[tuple[Any, str]] = frozenset()
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Watch:
     """Read `items` of a device every `period` seconds (0: every tick) from now on; None ends the reading.
 
@@ -56,7 +58,7 @@ class Watch:
     period: float | None = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Request:
     """An operation to execute once, after the next tick; answered by a `Reply` with the same `reply_id`.
 
@@ -75,7 +77,7 @@ class Request:
     setting: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Stop:
     """Stop the robot now: wheels to speed 0, joints that we moved hold their position. Later targets move it again.
 
@@ -90,7 +92,7 @@ class Stop:
     devices: tuple[Any, ...] | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class EmergencyStop:
     """Stop the robot now, and refuse all motion until `Release`.
 
@@ -103,7 +105,7 @@ class EmergencyStop:
     order: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Release:
     """End the emergency stop of a `user`, and those of the users or names in `others`, or all of them (`everyone`).
 
@@ -118,7 +120,7 @@ class Release:
     order: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Limit:
     """The limit of a target in raw counts: from `low` to `high`, changing by at most `rate` per second.
 
@@ -132,7 +134,7 @@ class Limit:
     rate_name: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Threshold:
     """A threshold of a measured item, and the reaction to crossing it; all in raw counts.
 
@@ -158,7 +160,7 @@ class Threshold:
     advice: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Limits:
     """The limits of targets, by (device, item), and all thresholds; replaces the earlier ones."""
 
@@ -166,17 +168,17 @@ class Limits:
     thresholds: tuple[Threshold, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Heartbeat:
     """The heartbeat of the master. Send it from the main loop every 0.5 s; any other message counts as one too."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ReleaseKnown:
     """The master knows of a release that somebody else has asked for; one for each `Latched` with `freed`."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Writers:
     """Who moves which device from now on: device -> name and address of the client; for `urbihw status` and the like.
 
@@ -186,7 +188,7 @@ class Writers:
     names: Mapping[Any, str]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Unusable:
     """The parent does not use a device, although it answers (another model has its id, say), or has lost a part of the
     robot that is on a wire of its own, as a laser is.  The health tells it.
@@ -200,7 +202,7 @@ class Unusable:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ExpectedDevice:
     """A device that the settings expect: its id and name; `model` and `firmware` as text, "" for any."""
 
@@ -210,7 +212,7 @@ class ExpectedDevice:
     firmware: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Configure:
     """All settings of a worker; sending another one replaces them.
 
@@ -233,7 +235,7 @@ class Configure:
     realtime: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Begin:
     """The initial state of a worker: always its first message.
 
@@ -260,7 +262,7 @@ class Begin:
     order: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Found:
     """The devices that were found, described as the family defines; `conflicts` are ids that several answer to."""
 
@@ -268,7 +270,7 @@ class Found:
     conflicts: tuple[Any, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Difference:
     """A device that is not as the settings expect it; `expected` and `found` are model and firmware in words.
 
@@ -281,14 +283,14 @@ class Difference:
     found: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class GuestsGone:
     """Devices of another robot that was on the wire for a while: this one is back, and they are not looked for."""
 
     devices: tuple[Any, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Differences:
     """What differs from the expected devices now: those that are missing, unexpected, of another model or firmware."""
 
@@ -297,7 +299,7 @@ class Differences:
     other: tuple[Difference, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Samples:
     """The values that one tick read.
 
@@ -312,7 +314,7 @@ class Samples:
     times: Mapping[Any, float]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class DeviceState:
     """A device changed its state: "ok", "suspect", "lost" or "back" (which then becomes "ok").
 
@@ -325,7 +327,7 @@ class DeviceState:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class DeviceReport:
     """A device reports an event: a button, a fault, a text; the names `what` are defined by the family."""
 
@@ -334,7 +336,7 @@ class DeviceReport:
     value: Any = None
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class LinkState:
     """The link came up, or went down for a `reason`; `mistake`: the url makes no sense, and trying again is no use."""
 
@@ -343,7 +345,7 @@ class LinkState:
     mistake: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Reply:
     """The outcome of a `Request`: a value, or an error text."""
 
@@ -353,7 +355,7 @@ class Reply:
     error: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Refused:
     """A target or a watch was invalid, and why; nothing was written for it."""
 
@@ -362,7 +364,7 @@ class Refused:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Limited:
     """A limit changed a target, or (`limit` is "") no longer does; values are raw counts."""
 
@@ -373,7 +375,7 @@ class Limited:
     limit: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ThresholdCrossed:
     """A threshold was passed, or (`passed` False) left again, at a raw value; `holds`: as `Threshold.holds`."""
 
@@ -385,7 +387,7 @@ class ThresholdCrossed:
     holds: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Held:
     """All devices that thresholds forbid to move, with the names of these and what helps.
 
@@ -395,7 +397,7 @@ class Held:
     devices: Mapping[Any, str]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Stopped:
     """The worker executed the safe stop, for a reason; all targets are dropped.
 
@@ -407,7 +409,7 @@ class Stopped:
     devices: tuple[Any, ...] | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Latched:
     """Who holds the robot by an emergency stop from now on, in words; `reason` "": the robot is free.
 
@@ -428,21 +430,21 @@ class Latched:
     order: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class WorkerHeartbeat:
     """The heartbeat of the worker; the next one is due within `allowance` seconds."""
 
     allowance: float
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class WorkerState:
     """The supervisor reports that the worker is silent, was replaced, or (`reason` "") answers again."""
 
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Statistics:
     """Statistics of the last second.
 
@@ -476,7 +478,7 @@ class Statistics:
         return self.late / (self.late + self.rate) if self.late else 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Ended:
     """The worker has ended; `reason` is "" when it was asked to end. Always its last message."""
 

@@ -5,8 +5,9 @@ The line stands in the log, in the verdict on the health (``urbihw health``, the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
+
+from urbihw.frozen import frozen
 
 LATE_SHARE: Final = 0.01
 """Share of missed ticks from which on a rate is not kept."""
@@ -23,7 +24,7 @@ _GOOD_SECONDS: Final = 60
 """Seconds in a row with the rate after which there may be another line."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Pace:
     """What a bus did with its time.
 

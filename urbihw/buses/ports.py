@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from serial.tools.list_ports import comports
 
+from urbihw.frozen import frozen
+
 BY_ID: Final = Path("/dev/serial/by-id")
 LATENCY: Final = Path("/sys/bus/usb-serial/devices")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SerialPort:
     """A serial port.
 

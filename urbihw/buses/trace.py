@@ -10,8 +10,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final, Literal, NamedTuple
+
+from urbihw.frozen import frozen
 
 Direction = Literal[">", "<"]
 """``>`` to the robot, ``<`` from it."""
@@ -32,7 +33,7 @@ class Chunk(NamedTuple):
     data: bytes
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class TracedPacket:
     """One packet.
 

@@ -10,11 +10,11 @@ import os
 import shutil
 import subprocess
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Literal
 
 from urbihw.buses.processor import PRIORITY, may_claim
+from urbihw.frozen import frozen
 from urbihw.started import as_typed
 
 Verdict = Literal["ok", "note", "bad"]
@@ -36,7 +36,7 @@ _RULES: Final = ("etc/udev/rules.d", "run/udev/rules.d", "usr/lib/udev/rules.d",
 _STEADY: Final = {"performance", "schedutil", "userspace"}
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class ReportLine:
     """One line of the report; a ``bad`` one tells what to do."""
 

@@ -7,7 +7,6 @@ UObject protocol, section 6; manual, specs/naming-standard and platforms/nao).  
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -15,6 +14,7 @@ from urbihw.cli.options import CliRefused
 from urbihw.client.lines import Binary
 from urbihw.exitcodes import EX_CONFIG, EX_RUNTIME
 from urbihw.extras import install_command
+from urbihw.frozen import frozen
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -29,7 +29,7 @@ ENCODED: Final = {"jpeg": (".jpg", ".jpeg"), "ppm": (".ppm", ".pnm")}
 MAX_PIXELS: Final = 64 * 1024 * 1024
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class PictureFile:
     """An image; ``width`` and ``height`` in pixels, 0 if unknown."""
 

@@ -7,7 +7,6 @@ Nor is one sent to a port that is no USB adapter, unless its url is given: a con
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 from urbihw import platforms
@@ -20,13 +19,14 @@ from urbihw.buses.servos.line import names_speed
 from urbihw.buses.servos.status import FEETECH
 from urbihw.buses.servos.survey import BAUDS, Progress, ServoSurvey, SurveyedServo, survey
 from urbihw.cli.ports_in_use import open_line
+from urbihw.frozen import frozen
 from urbihw.started import as_typed
 
 _SERVOS: Final = "servos"
 _SHORTEST_LATENCY: Final = 0.001
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class ScanWish:
     """What is searched for.
 
@@ -43,7 +43,7 @@ class ScanWish:
     thorough: bool = False
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class PortReport:
     """What was found on one port.
 

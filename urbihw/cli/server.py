@@ -12,7 +12,6 @@ import asyncio
 import logging
 import signal
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -20,6 +19,7 @@ from urbihw.cli.options import CliRefused
 from urbihw.cli.terminal import Terminal
 from urbihw.client.where import is_loopback, why
 from urbihw.exitcodes import EX_CONFIG, EX_UNAVAILABLE
+from urbihw.frozen import frozen
 from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.kernel.process import KernelProcess
@@ -39,7 +39,7 @@ START_TIMEOUT_S: Final = 5.0
 log = logging.getLogger("urbihw.urbi")
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class UrbiSettings:
     """The settings of ``urbi``.
 

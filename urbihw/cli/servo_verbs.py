@@ -6,7 +6,6 @@ import argparse
 import datetime
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from typing import Final
 
 from urbihw.buses.errors import BadValue
@@ -18,6 +17,7 @@ from urbihw.buses.servos.registers import Crowded, PingsOnly, ServoError, ServoR
 from urbihw.buses.servos.registers_file import ServoBackup, describe
 from urbihw.buses.servos.survey import survey
 from urbihw.cli.dialogue import Dialogue
+from urbihw.frozen import frozen
 from urbihw.started import as_typed
 
 _ALL: Final = "all"
@@ -25,7 +25,7 @@ _ANSWER_AGAIN: Final = "status_return_level=2"
 _ADDRESS: Final = re.compile(r"([0-9]{1,5})(?::([0-9]{1,3}))?")
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class VerbJob:
     """A verb to carry out.
 

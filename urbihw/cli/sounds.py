@@ -10,18 +10,18 @@ from __future__ import annotations
 import io
 import wave
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Final
 
 from urbihw.cli.options import CliRefused
 from urbihw.client.lines import Binary
 from urbihw.exitcodes import EX_RUNTIME
+from urbihw.frozen import frozen
 
 RATES: Final = range(1000, 400_001)
 _FLIPPED: Final = bytes(value ^ 0x80 for value in range(256))
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class WaveFormat:
     """The format of samples: channels, samples per second, bytes per sample (1 or 2)."""
 
@@ -34,7 +34,7 @@ class WaveFormat:
         return size / (self.channels * self.rate * self.width)
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class SoundFile:
     """Samples in the format of a WAVE file."""
 

@@ -16,7 +16,6 @@ import sys
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import closing
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, TextIO
 
@@ -29,6 +28,7 @@ from urbihw.cli.options import CliRefused, number, whole
 from urbihw.cli.tracing import open_traffic, platform_of, traffic_of
 from urbihw.cli.urls import check_url
 from urbihw.exitcodes import EX_CONFIG, EX_NOINPUT, EX_OK, EX_UNAVAILABLE
+from urbihw.frozen import frozen
 from urbihw.kernel.uobject import BadConfig
 from urbihw.started import as_typed
 
@@ -72,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
         return EX_NOINPUT if isinstance(error, BadFrame) else EX_UNAVAILABLE
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class TrafficSource:
     """Where the traffic comes from.
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from importlib.resources import files
 from typing import Final, NamedTuple
 
@@ -20,6 +19,7 @@ from urbihw.client.errors import ClientError, TimedOut, UrbiError
 from urbihw.client.lines import Line, guarded
 from urbihw.client.subject import Step, Subject
 from urbihw.client.where import Where
+from urbihw.frozen import frozen
 
 TIMEOUT_S: Final = 1.0
 """Maximum seconds for an answer; users do not wait longer for a completion."""
@@ -48,7 +48,7 @@ class KnownName(NamedTuple):
     meaning: str
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class Description:
     """The description of a slot; ``source`` is the text of a function, ``slots`` are the slots that not every object
     has: names, or of a device name, value, unit, range and meaning, separated by tabs."""

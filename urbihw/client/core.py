@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Generator
 from contextlib import suppress
-from dataclasses import dataclass
 from time import monotonic, time
 from typing import Any, Final, NamedTuple, TypeVar
 
@@ -24,6 +23,7 @@ from urbihw.client.login import explain_close
 from urbihw.client.session import OnLine, Question, Session
 from urbihw.client.streams import ShotStream, Stream
 from urbihw.client.where import Where, explain_absence, why
+from urbihw.frozen import frozen
 
 FIRST_PAUSE_S, MAX_PAUSE_S = 0.1, 2.0
 """Seconds before the second attempt to connect again, and the maximum of the doubled pauses."""
@@ -37,7 +37,7 @@ Statement = Callable[[Native, str], str]
 """Makes the text of a statement, for a dialect and the channel of its answer."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(slots=False, eq=False)
 class LeaseTerm:
     """A lease of a connection: seconds of silence until the server stops what the connection has moved.
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import Final
+
+from urbihw.frozen import frozen
 
 Step = str | tuple[float | str]
 """A name, or an index."""
@@ -23,7 +24,7 @@ _CALLED: Final = re.compile(rf"(?<![\w.\"\])])(?<!->)({_NAME}(?:{_INDEX})*(?:\s*
 """The path in front of a parenthesis; one behind an expression is no path."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class Subject:
     """The slot before the cursor: ``path`` leads from the lobby to the object, ``prefix`` is the typed part of the
     name."""

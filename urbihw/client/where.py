@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import ipaddress
 import os
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from urbihw.frozen import frozen
 from urbihw.started import as_typed
 
 DEFAULT_HOST: Final = "127.0.0.1"
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class Where:
     """The address of a server.
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import logging
 import re
 from collections.abc import Collection
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
@@ -18,6 +17,7 @@ from typing import Final
 from urbihw.daemon.files import read_regular
 from urbihw.daemon.secrets import NAME, NAME_RULE, WrongSecrets, find_stored, make_secret
 from urbihw.daemon.state import MAX_SECRET_BYTES, lock_folder, read_secret, write_secret
+from urbihw.frozen import frozen
 from urbihw.kernel.server.handshake import HandshakeRefusal, line
 from urbihw.kernel.uobject import BadConfig
 from urbihw.started import as_typed
@@ -32,7 +32,7 @@ MAX_TOKENS: Final = 1000
 """Maximum number of tokens of a robot; all are compared at each login."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class StoredToken:
     """A stored token.
 

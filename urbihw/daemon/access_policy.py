@@ -9,7 +9,6 @@ from __future__ import annotations
 import ipaddress
 import logging
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from ssl import SSLContext
 
@@ -17,6 +16,7 @@ from urbihw.daemon import tls
 from urbihw.daemon.access import CREDENTIAL, Authenticator, TokenHandshake, Tokens
 from urbihw.daemon.config import Config
 from urbihw.daemon.state import credential, state_folder
+from urbihw.frozen import frozen
 from urbihw.kernel.server.connection import LobbyConnection
 from urbihw.kernel.server.handshake import HandshakeFactory, HandshakeRefusal, PlainHandshake, line
 from urbihw.kernel.uobject import BadConfig
@@ -25,7 +25,7 @@ from urbihw.started import as_typed
 log = logging.getLogger("urbihw.access")
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class AccessPolicy:
     """The requirements for clients that connect by TCP.
 

@@ -20,7 +20,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -32,6 +32,7 @@ from urbihw.daemon import timeouts
 from urbihw.daemon.files import read_regular, unreadable
 from urbihw.daemon.metrics import parse_address
 from urbihw.fleets.names import DEFAULT_ENDPOINT, NAME_PATTERN, checked_endpoint, checked_fleet_name
+from urbihw.frozen import frozen
 from urbihw.kernel.server.bounds import HOLD_LIMIT, MAX_JOBS, MAX_TOTAL_JOBS, MEMORY_LIMIT
 from urbihw.kernel.uobject import BadConfig
 from urbihw.settings import (
@@ -70,7 +71,7 @@ _NESTING = re.compile(
 """The groups that matter for the depth: an opening bracket, a closing one, a key of too many parts."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class Config(SettingsTable):
     """The settings of the daemon.
 
@@ -227,7 +228,7 @@ class Complaint(NamedTuple):
     line: str
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class Loaded:
     """The result of loading a file and flags.
 

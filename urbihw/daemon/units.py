@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Final
 
 from urbihw.daemon.config import Config
+from urbihw.frozen import frozen
 from urbihw.platforms import Manifest
 
 SHARE: Final = Path(__file__).parents[1] / "share"
@@ -36,7 +36,7 @@ _SHARED: Final = {
 """File of ``share`` -> where it is installed, once for all robots."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class ServiceFile:
     """A file to install: its path on the machine, its text and its permissions."""
 

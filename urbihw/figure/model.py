@@ -19,9 +19,10 @@ import math
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
+
+from urbihw.frozen import frozen
 
 Triple = tuple[float, float, float]
 FILE: Final = "figure.toml"
@@ -42,7 +43,7 @@ class BadFigure(ValueError):
     """An invalid figure; the message names the link, the key and the expected value."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FigureShape:
     """A solid of a link: its kind and sizes (``KINDS``), place and turn in the link, and colour as ``#rrggbb``."""
 
@@ -53,7 +54,7 @@ class FigureShape:
     colour: str = GREY
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FigureJoint:
     """How a link moves on the one above.
 
@@ -77,7 +78,7 @@ class FigureJoint:
         return (reading - self.zero) * UNITS[self.unit]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FigureLink:
     """A rigid part: its name, the link above ("" for the first one), place and turn there, joint, device, shapes."""
 
@@ -90,7 +91,7 @@ class FigureLink:
     shapes: tuple[FigureShape, ...] = ()
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class Figure:
     """All links, each behind the one above it."""
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from urbihw.client.credentials import Credentials
 from urbihw.client.where import Where
 from urbihw.fleets.names import DEFAULT_ENDPOINT
+from urbihw.frozen import frozen
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class FleetSettings:
     """What a bridge serves, and where.
 

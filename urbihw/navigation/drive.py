@@ -10,6 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Protocol
 
+from urbihw.frozen import frozen
+
 LATENCY_S: Final = 0.2
 """Seconds from the measurement of a position until the robot has the speed computed from it: two packets."""
 STALL_TIMEOUT_S: Final = 1.0
@@ -20,7 +22,7 @@ BRAKING_SHARE: Final = 0.7
 FINISHED, STALLED = "finished", "stalled"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class State:
     """The state of the robot at one moment.
 

@@ -7,9 +7,9 @@ sensors see beside it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final, Protocol
 
+from urbihw.frozen import frozen
 from urbihw.navigation.drive import BRAKING_SHARE, LATENCY_S, DriveLimits, State
 from urbihw.navigation.frames import Point, Pose, wrapped
 
@@ -47,7 +47,7 @@ STANDING_TURN: Final = math.radians(4)
 """Speeds in m/s and rad/s below which the robot counts as standing at its goal."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Tolerance:
     """How far from its goal the robot may stand: m and rad."""
 

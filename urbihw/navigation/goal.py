@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
+from urbihw.frozen import frozen
 from urbihw.navigation.frames import Point, path_length
 
 MAX_WAITS: Final = 8
@@ -20,7 +20,7 @@ DETOUR: Final = 2.0
 """Ratio of a way around obstacles to the way without them from which a pause is better: obstacles may move."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Goal:
     """A goal.
 

@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
+from urbihw.frozen import frozen
 from urbihw.navigation.belief import Symmetric
 from urbihw.navigation.frames import Pose, wrapped
 from urbihw.navigation.grid import Grid
@@ -50,7 +50,7 @@ HELD: Final = Symmetric(100.0, 100.0, 100.0)
 """How a pose is held in directions of which the scan tells nothing: 1/m^2 and 1/rad^2."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Match:
     """The best pose near a guess.
 

@@ -11,12 +11,13 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Final, Protocol
 
 from urbihw.extras import install_command
 from urbihw.files import BadFile, cannot_read, read_regular
+from urbihw.frozen import frozen
 from urbihw.navigation.frames import MAX_METRES, ORIGIN, Pose
 
 MAX_FILE_BYTES: Final = 16 * 1024 * 1024
@@ -42,7 +43,7 @@ class Walls(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class Map:
     """A map: its obstacles, in m.
 

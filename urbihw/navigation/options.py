@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import ClassVar, Final
 
 from urbihw import buses
 from urbihw.buses.errors import BadUrl, Unavailable
 from urbihw.buses.link import Context
+from urbihw.frozen import frozen
 from urbihw.settings import TEXT, Mistake, SettingsTable, choice, number, setting
 
 ODOMETRY: Final = "odometry"
 SCAN: Final = "scan"
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class NavigationOptions(SettingsTable):
     """The options of a base that has a navigator.
 
@@ -55,7 +55,7 @@ class NavigationOptions(SettingsTable):
                 yield Mistake("laser", str(error))
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class DrivenBaseOptions(NavigationOptions):
     """The options of a base that does not report its own size.
 

@@ -15,9 +15,9 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
+from urbihw.frozen import frozen
 from urbihw.navigation.extra import how_to_install, load_arrays
 from urbihw.navigation.frames import Point
 from urbihw.navigation.grid import Grid
@@ -39,7 +39,7 @@ class Obstructed(NoPath):
     """The map has a path, but obstacles that the sensors see close it."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Room:
     """The distances in m that paths keep, from the middle of the robot: ``clear`` to walls and to obstacles, and
     ``least`` to walls of the map where there is no other way."""

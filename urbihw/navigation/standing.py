@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
+from urbihw.frozen import frozen
 from urbihw.navigation.frames import Point, distance_to_line
 from urbihw.navigation.grid import Grid
 
@@ -19,7 +20,7 @@ STRIDE, LONGEST_STRIDE = 0.03, 0.3
 _HALF_DIAGONAL: Final = math.sqrt(0.5)
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class Standing:
     """Where the robot may be.
 

@@ -10,7 +10,7 @@ import math
 from collections import deque
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Final
 
 from urbihw.client.aio import AsyncRobot
@@ -20,6 +20,7 @@ from urbihw.client.errors import TimedOut, UrbiError
 from urbihw.client.literals import literal, string_literal, written_path
 from urbihw.client.session import message_of
 from urbihw.client.where import Where
+from urbihw.frozen import frozen
 
 CONNECT_TIMEOUT_S: Final = 10.0
 MAX_ORDERS: Final = 4
@@ -44,7 +45,7 @@ SPEEDS: Final[Mapping[str, float]] = {"rad": 1.0, "deg": 57.3, "turn": 0.16, "m"
 """Greatest speed of a joint on its way, by the unit of its goal, each in a second."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class OrderSettings:
     """Whose orders these are.
 

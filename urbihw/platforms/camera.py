@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any, Protocol
 
+from urbihw.frozen import frozen
 from urbihw.kernel.uobject import UImage, reading
 from urbihw.platforms import jpeg
 from urbihw.platforms.channel import DeviceChannel
@@ -23,7 +23,7 @@ class CameraLog(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class CameraOptions(SettingsTable):
     """The option of a robot that may carry such a camera.
 

@@ -22,10 +22,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any, Final
 
 from urbihw.buses.messages import ExpectedDevice
+from urbihw.frozen import frozen
 from urbihw.kernel.syntax.tokens import is_identifier
 from urbihw.kernel.uobject import BadConfig
 from urbihw.platforms.taken import TAKEN
@@ -53,7 +53,7 @@ MAX_ANGLE: Final = 1000.0
 _NUMBERED: Final = re.compile(r"(?:motor|sensor|device)([0-9]+)")
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class DeviceSettings(SettingsTable):
     """A row of ``[devices]``.
 

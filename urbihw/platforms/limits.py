@@ -22,9 +22,9 @@ import difflib
 import math
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any, Final, Self
 
+from urbihw.frozen import frozen
 from urbihw.kernel.uobject import BadConfig
 from urbihw.settings import Mistake, SettingsTable, checked, guess, positive, rising, setting
 
@@ -37,7 +37,7 @@ TEMPERATURES: Final = (-40.0, 200.0)
 """Lowest and highest temperature in degrees C that is of use as a limit: no motor is colder or hotter."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class DeviceLimits(SettingsTable):
     """The limits of one device; inf for no limit.
 

@@ -10,10 +10,11 @@ import importlib.util
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from urbihw.frozen import frozen
 from urbihw.kernel.uobject import BadConfig
 from urbihw.platforms.limits import DeviceLimits
 
@@ -58,7 +59,7 @@ def package_folder(package: str) -> Path | None:
     return next((folder for folder in (Path(place, *inner) for place in places) if folder.is_dir()), None)
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class UsbId:
     """An adapter or robot by its USB numbers."""
 
@@ -67,7 +68,7 @@ class UsbId:
     name: str
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class SystemNeeds:
     """What the daemon needs of the operating system to reach the robot; the service admits that and nothing else.
 
@@ -83,7 +84,7 @@ class SystemNeeds:
     groups: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class Manifest:
     """The description of a platform.
 

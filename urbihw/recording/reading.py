@@ -12,12 +12,12 @@ import math
 import os
 import stat
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple
 
 from urbihw.extras import install_command
+from urbihw.frozen import frozen
 
 if TYPE_CHECKING:
     from mcap.records import Chunk, McapRecord
@@ -66,7 +66,7 @@ class RecordedMessage(NamedTuple):
         return told
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class RecordingHead:
     """What a recording tells of itself.
 

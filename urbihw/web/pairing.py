@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Final, Literal, NamedTuple, TypeGuard
 
 from urbihw.daemon.secrets import NAME, NAME_RULE, find_stored, make_secret
 from urbihw.daemon.state import lock_folder, read_secret, write_secret
+from urbihw.frozen import frozen
 
 Role = Literal["view", "drive", "full"]
 ROLES: Final[tuple[Role, ...]] = ("view", "drive", "full")
@@ -32,7 +32,7 @@ class BadPairing(ValueError):
     """A pairing cannot be made or removed; the message is one line that tells what to do."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class Browser:
     """A paired browser.
 

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from ssl import SSLContext
 from typing import Final
 
 from urbihw.client.credentials import Credentials
 from urbihw.client.where import Where
+from urbihw.frozen import frozen
 
 DEFAULT_PORT: Final = 54080
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class WebLimits:
     """What a browser of role drive may ask for at most.
 
@@ -29,7 +30,7 @@ class WebLimits:
     share: float = 0.5
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class WebSettings:
     """What a gateway serves, and where.
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Final
 
 from urbihw.buses.errors import BadFrame, Unavailable
+from urbihw.frozen import frozen
 from urbihw_nao import reading
 from urbihw_nao.orders import JointInfo
 from urbihw_nao.qimessaging.checked import is_name, show_text, to_number, to_row
@@ -33,7 +34,7 @@ BODY_ID: Final = "Device/DeviceList/ChestBoard/BodyId"
 MAX_TEXT_LENGTH: Final = 100
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class NaoInfo:
     """The robot as ``Found`` tells of it; ``methods`` are those of the services in ``PROXIES``, ``leds`` the lights and
     groups with their actuators, none where the robot does not tell them; ``unguarded`` is why ``watchdog.py`` does not
@@ -49,7 +50,7 @@ class NaoInfo:
     unguarded: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class NaoFinding:
     """What was found: the robot, the keys of each cycle, all keys that it has, and their first values."""
 

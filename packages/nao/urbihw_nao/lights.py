@@ -9,8 +9,9 @@ write goes out as one call for each part of the group that is alike.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from typing import Final, NamedTuple
+
+from urbihw.frozen import frozen
 
 COLOURS: Final = ("Red", "Green", "Blue")
 ONE_COLOUR_PARTS: Final = ("Ear", "Brain")
@@ -29,7 +30,7 @@ class LightCall(NamedTuple):
     value: float
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(slots=False, eq=False)
 class Light:
     """A light or a group: its actuators, in order, with their colours ("" for what has one colour only).
 

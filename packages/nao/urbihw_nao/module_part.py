@@ -11,13 +11,13 @@ not wait any more, as one of (MODULE, CANCEL) with the number.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, Final
 
 from urbihw.buses.errors import BadValue, Unavailable
 from urbihw.buses.listening import BusListener
 from urbihw.buses.messages import DeviceReport, FromWorker, Refused, Reply, Request
+from urbihw.frozen import frozen
 from urbihw_nao.exchange import NaoExchange
 from urbihw_nao.http_visitor import HttpVisitor, find_allowed_hosts
 from urbihw_nao.module_help import standard_methods
@@ -36,7 +36,7 @@ MODULE_CALL_BURST: Final = 64
 """Calls of all callers together at once, after a pause."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class BoundMethod:
     """A method as ``bindUrbiMethod`` declares it: parameters with their texts, name and text of the result."""
 

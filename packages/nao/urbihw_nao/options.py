@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
+from urbihw.frozen import frozen
 from urbihw.settings import SWITCH, TEXT, BadSetting, SettingsTable, is_address, number, setting, whole
 from urbihw_nao.qimessaging.hosting import EndPointSettings
 from urbihw_nao.qimessaging.login import Login
@@ -13,7 +13,7 @@ SHIFTS_S: Final = (0.02, 0.5)
 """Least and greatest ``dcm_shift``."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class NaoOptions(SettingsTable):
     """The options.
 

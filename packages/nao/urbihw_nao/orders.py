@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Final
+
+from urbihw.frozen import frozen
 
 REACHED: Final = 0.02
 """Rad from its goal at which a joint is there."""
@@ -14,7 +15,7 @@ SHARED_MOTORS: Final[Mapping[str, str]] = {"RHipYawPitch": "LHipYawPitch"}
 """Joints that have the motor of another one (fact sheet, section 6)."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class JointInfo:
     """A joint as NAOqi describes it: rad and rad/s; a hand from 0, closed, to 1."""
 

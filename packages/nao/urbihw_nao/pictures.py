@@ -9,12 +9,12 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import Any, Final
 
 from urbihw.buses.errors import BadValue
 from urbihw.extras import install_command
+from urbihw.frozen import frozen
 from urbihw_nao.qimessaging.checked import to_row, to_whole
 
 RGB, YUV, JPEG, PPM, YUV422, GREY8, GREY4 = range(1, 8)
@@ -30,7 +30,7 @@ def no_pillow() -> str:
     return f"JPEG needs Pillow: {install_command('images')}; camera.formatDetail = 1 (RGB) and others do without"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class PictureFormat:
     """A format: the keyword of its Binary, the colour space to ask NAOqi for, and the bytes of a pixel there."""
 
@@ -51,7 +51,7 @@ RESOLUTIONS: Final[Mapping[int, tuple[int, int, int]]] = {
 """``camera.resolution`` -> NAOqi's number of it, width and height in pixels."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class CameraMode:
     """What is wanted of the cameras.
 
@@ -76,7 +76,7 @@ class CameraMode:
         return self.index, RESOLUTIONS[self.resolution][0], FORMATS[self.format].space, max(1, math.ceil(self.rate))
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class NaoPicture:
     """A picture in its format, as it was wanted in ``mode``; sizes in pixels, angles of view in rad."""
 

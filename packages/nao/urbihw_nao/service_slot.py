@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from urbihw.buses.messages import Reply
+from urbihw.frozen import frozen
 from urbihw.kernel.uobject import UObject, UVar, finite_number
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.devicelog import DeviceLog
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class Setting:
     """A setting of a service.
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Final
 
 from canopen import SdoAbortedError, SdoCommunicationError
@@ -22,6 +21,7 @@ from urbihw.buses.can.network import PortNetwork
 from urbihw.buses.can.options import LAST_NODE
 from urbihw.buses.can.profile import ProfileSpeed
 from urbihw.buses.errors import Unavailable
+from urbihw.frozen import frozen
 
 MASTER: Final = LAST_NODE + 1
 """Our number on the bus, under which our heartbeat goes out."""
@@ -36,7 +36,7 @@ _OPERATIONAL = 5
 _SdoError = (SdoAbortedError, SdoCommunicationError)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class DriveInfo:
     """The description of a drive in `Found`.
 

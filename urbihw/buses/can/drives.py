@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, Final
 
 from canopen import SdoAbortedError, SdoCommunicationError
@@ -45,6 +44,7 @@ from urbihw.buses.messages import (
     Targets,
 )
 from urbihw.buses.readings import ALARM, Reading
+from urbihw.frozen import frozen
 
 SEARCH_S: Final = 0.2
 """Seconds to wait for the answers of all nodes on the bus."""
@@ -65,7 +65,7 @@ _LARGEST: Final = {"velocity": (1 << 31) - 1, "position": (1 << 31) - 1, "torque
 _NO_LIMIT: Final = Limit()
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class _Transition:
     reply_id: int
     verb: str

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
+from urbihw.frozen import frozen
 from urbihw.settings import SettingsTable, setting, wholes
 
 LAST_NODE: Final = 126
 """The largest number of a drive; we are the node above."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class CanOptions(SettingsTable):
     """The options of the family.
 

@@ -15,12 +15,13 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, Final
 
 from urbihw.buses.errors import BadValue
 from urbihw.files import BadFile, cannot_read, read_regular, write_regular
+from urbihw.frozen import frozen
 
 Calibration = Mapping[str, "JointCalibration"]
 _MAX_FILE_SIZE: Final = 1 << 20
@@ -32,7 +33,7 @@ class BadCalibration(BadValue):
     """A calibration file cannot be read, written or understood; the message is one line that names the file."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class JointCalibration:
     """The calibration of one joint, in raw counts.
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
 from urbihw.buses.servos.item import ControlTable, Mode
 from urbihw.buses.servos.tables import table_for
+from urbihw.frozen import frozen
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class ServoDevice:
     """The description of a device, as it was read.
 
@@ -64,7 +65,7 @@ class ServoDevice:
         return models.get(self.model, f"unknown model {self.model}")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class DeviceInfo:
     """The description of a device in a worker's `Found`.
 
@@ -87,7 +88,7 @@ class DeviceInfo:
     mode: str
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class ServoScan:
     """Outcome of a scan.
 

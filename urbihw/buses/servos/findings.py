@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Final
 
 from urbihw.buses.servos import units
@@ -15,6 +14,7 @@ from urbihw.buses.servos.item import ControlTable, ShaftMotion
 from urbihw.buses.servos.registers import ANSWER_LEVELS
 from urbihw.buses.servos.status import FEETECH, state_words
 from urbihw.buses.servos.survey import SurveyedServo
+from urbihw.frozen import frozen
 
 _BITS_PER_BYTE: Final = 10
 _READ_BYTES: Final = {1: 8 + 6 + 8, 2: 1 + 11 + 10, FEETECH: 1 + 6 + 8}
@@ -24,7 +24,7 @@ _SLOW_DELAY: Final = 100e-6
 """Seconds of return delay above which it is worth a line."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class ServoFinding:
     """One thing that is wrong.
 

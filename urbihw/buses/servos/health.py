@@ -9,8 +9,9 @@ PROBE_PERIOD s: at 100 Hz a loss is noticed after 30 ms, and a return within 0.3
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final, Literal
+
+from urbihw.frozen import frozen
 
 State = Literal["ok", "suspect", "lost", "back"]
 
@@ -18,7 +19,7 @@ LOST_AFTER: Final = 3
 PROBE_PERIOD: Final = 0.25
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Change:
     """A device went from one state to another, and why."""
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
 from functools import cached_property
 from typing import Final
 
 from urbihw.buses.errors import BadValue
+from urbihw.frozen import frozen
 
 _PLACE: Final = re.compile(r"@(\d+):(\d+)")
 _SIZES: Final = (1, 2, 4)
@@ -22,7 +23,7 @@ class ShaftMotion(Enum):
     RATE = "rate"  # a speed, a current or a PWM; 0 means stop
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Item:
     """A register, or two or four that belong together.
 
@@ -94,7 +95,7 @@ def number_of(magnitude: int, sign_bit: int) -> int:
     return -size if magnitude >> sign_bit & 1 else size
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class Mode:
     """How the safe stop treats a servo in one operating mode.
 
@@ -115,7 +116,7 @@ class Mode:
     direction_bit: int | None = None
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class ControlTable:
     """The control table of a family of devices.
 

@@ -22,6 +22,7 @@ from urbihw.buses.servos.item import ControlTable, ShaftMotion, is_place
 from urbihw.buses.servos.kept import EFFORTS, OWN_SPEEDS, PROFILE, KeptRegisters
 from urbihw.buses.servos.plan import TORQUE, Block, read_blocks
 from urbihw.buses.servos.units import unit_of
+from urbihw.frozen import frozen
 
 PLACE: Final = "present_position"
 GOAL: Final = "goal_position"
@@ -49,7 +50,7 @@ class _ReadSchedule:
     due: float
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class BlockQuestion:
     """A block to read, with the packet that asks this device for it alone."""
 

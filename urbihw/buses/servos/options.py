@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 from urbihw.buses.servos.following import BREAKAWAY
+from urbihw.frozen import frozen
 from urbihw.settings import SWITCH, SettingsTable, choice, number, setting, wholes
 
 _LAST_ID = 252
@@ -16,7 +16,7 @@ _CONTROLLERS = (
 )
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class ServoBusOptions(SettingsTable):
     """The options of the family.
 

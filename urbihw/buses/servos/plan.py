@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 from urbihw.buses.servos import packet
 from urbihw.buses.servos.item import ControlTable, Item, magnitude_of, number_of
 from urbihw.buses.servos.status import FEETECH
+from urbihw.frozen import frozen
 
 # Up to this many unwanted bytes it is cheaper to read through them than to ask twice: an extra READ is 14 bytes in
 # protocol 1.0, an extra answer of a sync read 11 in protocol 2.0.
@@ -20,7 +20,7 @@ TORQUE: Final = "torque_enable"
 _FORMATS: Final = {(1, False): "B", (2, False): "H", (4, False): "I", (1, True): "b", (2, True): "h", (4, True): "i"}
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class Block:
     """Neighbouring registers that are read, or written, together.
 

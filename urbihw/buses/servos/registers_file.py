@@ -17,7 +17,6 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -27,6 +26,7 @@ from urbihw.buses.servos.calibration import keep_version
 from urbihw.buses.servos.item import ControlTable
 from urbihw.buses.servos.tables import table_of
 from urbihw.files import BadFile, cannot_read, read_regular, write_regular
+from urbihw.frozen import frozen
 
 _MAX_FILE_SIZE: Final = 1 << 22
 _NUMBERS: Final = ("model", "protocol", "firmware", "baud")
@@ -38,7 +38,7 @@ class BadBackup(BadValue):
     """A backup cannot be read, written or understood; the message is one line that names the file."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class ServoBackup:
     """The registers of one servo.
 

@@ -15,7 +15,7 @@ protocol 2.0, PING; DynamixelSDK, `protocol2_packet_handler`, broadcastPing.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Final
 
 from urbihw.buses.errors import BadFrame, BadUrl, BusTimeout, DeviceRefused
@@ -26,6 +26,7 @@ from urbihw.buses.servos.device import ServoDevice
 from urbihw.buses.servos.line import ServoLine
 from urbihw.buses.servos.plan import read_blocks
 from urbihw.buses.servos.scan import scan
+from urbihw.frozen import frozen
 
 BAUDS: Final = (
     1_000_000, 57_600, 115_200, 500_000, 2_000_000, 3_000_000, 4_000_000, 4_500_000, 400_000, 250_000, 200_000,
@@ -52,7 +53,7 @@ Progress = Callable[[float, str], None]
 """Called with the part that is done, 0..1, and what is being done."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class SurveyedServo:
     """A device as the survey found it.
 
@@ -69,7 +70,7 @@ class SurveyedServo:
     state: int = 0
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class ServoSurvey:
     """Outcome of a survey.
 

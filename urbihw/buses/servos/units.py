@@ -22,12 +22,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 from typing import Final
 
 from urbihw.buses.errors import BadValue
 from urbihw.buses.servos.item import Item
+from urbihw.frozen import frozen
 
 _DIRECTION = 0x400  # bit 10 of AX speeds and loads: set means clockwise, which is negative
 _AX_FULL = 1023
@@ -54,7 +54,7 @@ _BASES: Final = {
 """Name in a table -> SI unit, and how many of that it is; "rpm2" is rev/min2."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class CountUnit:
     """The conversion between raw counts and SI units.
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from types import CodeType, FunctionType
 from typing import Any
 
+from urbihw.frozen import frozen
 from urbihw.kernel.compiler.late import LateSites
 from urbihw.kernel.compiler.linemap import LineMap, MappedPlace
 from urbihw.kernel.compiler.pieces import Linker
@@ -58,7 +59,7 @@ class Syntax:
         return self._content
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FunctionInfo:
     """The description of a function literal.
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+
+from urbihw.frozen import frozen
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class HostProcess:
     """What the owner of a kernel gives to its programs.
 

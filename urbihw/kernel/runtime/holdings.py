@@ -9,9 +9,9 @@ from __future__ import annotations
 import logging
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
+from urbihw.frozen import frozen
 from urbihw.kernel import errors
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ class Holding(Protocol):
         ...
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class _Holding:
     """A registered resource, with its kind."""
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from typing import Final
 
+from urbihw.frozen import frozen
 from urbihw.kernel.sched.shares import MAX_TOTAL_JOBS as MAX_TOTAL_JOBS  # for those who may not see the scheduler
 
 MIB: Final = 1024 * 1024
@@ -14,7 +14,7 @@ MEMORY_LIMIT: Final = 1024
 MAX_JOBS: Final = 20_000
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class Bounds:
     """The limits.  The defaults set none: they are for a program that serves no other connection.
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from typing import Any
 
+from urbihw.frozen import frozen
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
@@ -43,7 +43,7 @@ NOTES = {
 """Descriptions of classes and of slots that hold values or fields, which have no docstrings."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class FormatPattern:
     """A parsed format pattern.  ``alignment`` and ``uppercase`` are -1, 0 or 1 as in the manual."""
 

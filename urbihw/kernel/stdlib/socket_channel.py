@@ -14,9 +14,9 @@ import socket
 import threading
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
+from urbihw.frozen import frozen
 from urbihw.kernel.runtime.holdings import Address
 from urbihw.kernel.stdlib.poller import LATER, NOTHING, OVER, READ, WRITE, Poller
 
@@ -32,7 +32,7 @@ RESOURCE_ERRORS: Final = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOME
 """Errors of the operating system that are not caused by the connecting peer."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class SocketStream:
     """An open non-blocking descriptor, and the addresses of both ends."""
 

@@ -7,15 +7,16 @@ declared so far in its scope.  It has its own stack, since programs may nest dee
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from urbihw.frozen import frozen
 from urbihw.kernel.syntax import ast
 from urbihw.kernel.syntax.ast import Node
 from urbihw.kernel.syntax.pace import StepPace
 from urbihw.kernel.syntax.rules import Problem
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _Context:
     """The context of a node; ``names`` is None where ``var`` declares slots instead of local variables."""
 

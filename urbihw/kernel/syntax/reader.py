@@ -12,9 +12,9 @@ the rest of it is skipped: nothing of it runs or is kept.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import NamedTuple
 
+from urbihw.frozen import frozen
 from urbihw.kernel.errors import TOO_DEEP
 from urbihw.kernel.syntax.advice import advice
 from urbihw.kernel.syntax.ast import Empty, Node
@@ -57,7 +57,7 @@ class Statement(NamedTuple):
     text: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SyntaxProblem:
     """A syntax error, or a warning; the message has no ``syntax error:`` in front, ``advice`` is for beginners.
 

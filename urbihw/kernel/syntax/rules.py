@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from urbihw.frozen import frozen
 from urbihw.kernel.syntax.location import Span
 
 Action = Callable[..., Any]
 F = TypeVar("F", bound=Action)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Problem:
     """An error or a warning about a span of the statement; a warning does not prevent the statement from running."""
 

@@ -10,11 +10,12 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
+from urbihw.frozen import frozen
 from urbihw.kernel.syntax.cache_folder import read_cached, write_cached
 
 # Increment this when the format of the saved tables changes.
@@ -23,7 +24,7 @@ FORMAT = 2
 GRAMMAR = Path(__file__).with_name("urbiscript.lark")
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class GrammarRule:
     """A rule: ``origin`` consists of ``size`` symbols; ``action`` makes its value from the symbols at the indices
     ``kept``.
@@ -37,7 +38,7 @@ class GrammarRule:
     kept: tuple[int, ...]
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class Tables:
     """``rows[state][symbol]`` is the next state if 0 or more, else ``~n`` to reduce by ``rules[n]``; 0 is the first.
 

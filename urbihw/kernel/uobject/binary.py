@@ -11,15 +11,14 @@ mode.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from urbihw.frozen import frozen
 from urbihw.kernel.runtime.binary import Buffer
 
 IMAGE_FORMATS = ("rgb", "jpeg", "ycbcr", "ppm", "yuv411", "yuv420", "yuv422", "grey8", "grey4", "png")
 SOUND_FORMATS = ("raw", "wav")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class UBinary:
     """Bytes and the keywords that describe their format."""
 

@@ -24,6 +24,7 @@ from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Final
 
+from urbihw.frozen import frozen
 from urbihw.kernel import errors
 from urbihw.kernel.runtime.backtrace import NO_STACK, Stack, later_stack
 from urbihw.kernel.uobject.arming import Arming
@@ -45,7 +46,7 @@ WARNING_PERIOD_S: Final = 10.0
 """Seconds after which the same warning is given to the same client again."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Origin:
     """The origin of an effector write.
 

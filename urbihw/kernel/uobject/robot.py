@@ -9,14 +9,15 @@ events and connects by itself.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, ClassVar
 
+from urbihw.frozen import frozen
 from urbihw.kernel.uobject.errors import DeviceError
 from urbihw.kernel.uobject.uobject import UObject
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class RobotSettings:
     """How to reach a robot and how to operate it.
 

@@ -18,9 +18,9 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass
 from typing import Any
 
+from urbihw.frozen import frozen
 from urbihw.kernel.uobject.binary import UBinary, make_binary
 
 SIZES = b"\x02\x04\x08\x08"
@@ -47,14 +47,14 @@ class StringTooLong(ValueError):
     """A string is too long to be sent in binary mode."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SlotName:
     """An object, sent as its unquoted name in ``uobjects``."""
 
     name: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Update:
     """A variable has a value since ``stamp`` (in microseconds)."""
 
@@ -63,7 +63,7 @@ class Update:
     stamp: int
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class EmitRequest:
     """A request to emit an event."""
 
@@ -71,7 +71,7 @@ class EmitRequest:
     payload: list[Any]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Result:
     """The result of a bound function."""
 
@@ -79,7 +79,7 @@ class Result:
     value: Any
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ProgramText:
     """An urbiscript program to be run."""
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
 from urbihw.client.lines import BadLine, Binary, Line, Lines
 from urbihw.client.values import NotAValue, value_of
+from urbihw.frozen import frozen
 from urbihw.kernel.uobject.binary import UBinary, make_binary
 from urbihw.kernel.uremote.frames import MAX_FRAME_SIZE, SlotName, latin
 
@@ -39,7 +39,7 @@ class ProtocolError(ValueError):
     """The server's output is invalid; the connection cannot be used any more."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ServerLine:
     """A line of the server: time stamp (milliseconds of its clock), channel, and text or value.
 

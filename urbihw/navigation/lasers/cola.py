@@ -9,13 +9,13 @@ Source: SICK, "Telegram Listing LiDAR sensors LMS1xx, LMS5xx, TiM2xx, TiM5xx, Ti
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from functools import reduce
 from itertools import accumulate
 from operator import xor
 from typing import Final, Protocol
 
 from urbihw.buses.errors import BadFrame
+from urbihw.frozen import frozen
 
 STX, ETX = b"\x02", b"\x03"
 _BINARY: Final = b"\x02\x02\x02\x02"
@@ -44,7 +44,7 @@ def telegram(kind: str, text: str, *, binary: bool) -> bytes:
     return _BINARY + struct.pack(">I", len(content)) + content + bytes((reduce(xor, content),))
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Telegram:
     """A telegram of the laser: ``kind`` sRA, sAN, sEA, sSN or sFA, its ``name``, and the ``data`` behind the name."""
 
@@ -179,7 +179,7 @@ class BinaryNumbers:
         return data
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Distances:
     """The channel DIST1 of a scan: ``raw`` counts of ``unit`` m, angles in degrees; ``dirty``: a polluted window."""
 

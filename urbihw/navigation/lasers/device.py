@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 from urbihw.buses import messages as m
 from urbihw.buses.errors import BadUrl, BadValue
+from urbihw.frozen import frozen
 from urbihw.kernel.uobject import reading
 from urbihw.navigation.base import ScannerWorker
 from urbihw.navigation.scanner import RangeScanner
@@ -24,7 +24,7 @@ _TICKS: Final = 50.0
 """Ticks of the worker per second; the laser scans more slowly."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Mount:
     """Which laser a base has, and where.
 

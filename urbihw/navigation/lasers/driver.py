@@ -9,20 +9,20 @@ from __future__ import annotations
 import errno
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, ClassVar, Final
 
 from urbihw.buses.driver import Driver, no_stop
 from urbihw.buses.errors import BadValue, LinkGone, Unavailable
 from urbihw.buses.link import Link, Port, byte_link, set_line_speed
 from urbihw.buses.messages import Configure, Found, FromWorker, Request, Samples
+from urbihw.frozen import frozen
 
 LASER: Final = "laser"
 CHUNK: Final = 65536
 """Bytes read in one tick at most."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class LaserInfo:
     """The laser that was found.
 
@@ -42,7 +42,7 @@ class LaserInfo:
     serial: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class LaserScan:
     """One scan: distances in m from right to left (counterclockwise), inf without an echo.
 

@@ -12,10 +12,10 @@ the maker's telegram listing 8007954/Q501.
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from typing import Final
 
 from urbihw.buses.errors import BadFrame
+from urbihw.frozen import frozen
 from urbihw.navigation.lasers.driver import LaserScan
 
 STX: Final = 2
@@ -66,7 +66,7 @@ def variant(angle: int, resolution: int) -> bytes:
     return struct.pack("<BHH", 0x3B, angle, resolution)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SickReply:
     """A telegram of the laser: ``kind`` is its command byte, ``status`` its last byte."""
 

@@ -10,10 +10,10 @@ For SCIP2.0 Standard", C-42-03320B (2006).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 from urbihw.buses.errors import BadFrame
+from urbihw.frozen import frozen
 
 OK, DATA, LASER_IS_ON = "00", "99", "02"
 LONGEST: Final = 40000
@@ -36,7 +36,7 @@ def check_sum(line: bytes) -> int:
     return (sum(line) & 0x3F) + 0x30
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ScipMessage:
     """A message of the laser: the ``echo`` of the command, the ``status``, and the ``lines`` without their sums."""
 
@@ -87,7 +87,7 @@ def parse_rows(message: ScipMessage) -> dict[str, str]:
     return {name: value for name, _, value in rows}
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Parameters:
     """What PP says: distances in mm, ``turn`` steps of a whole turn, and the ``first``, ``last`` and ``front`` step."""
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
+from urbihw.frozen import frozen
 from urbihw.neighbours.orders import OrderSettings
 
 ROLES: Final = ("view", "drive", "full")
 """Look and stop; move slowly, too; urbiscript, too."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class AssistantSettings:
     """What an assistant gets.
 

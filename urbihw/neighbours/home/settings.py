@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from urbihw.frozen import frozen
 from urbihw.neighbours.orders import OrderSettings
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class BridgeSettings:
     """What a home sees of a robot, and what it may do.
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 from urbihw.buses.driver import Driver, ImpliedTarget, no_stop
@@ -33,6 +33,7 @@ from urbihw.buses.messages import (
     Watch,
 )
 from urbihw.buses.readings import Quantity
+from urbihw.frozen import frozen
 from urbihw.platforms.nxt import protocol as p
 from urbihw.platforms.nxt.exchange import NxtExchange
 from urbihw.platforms.nxt.i2c import transfer
@@ -48,7 +49,7 @@ _NEXT = 0.9  # share of a tick after which the next one may begin
 _TRIES = 2
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FoundBrick:
     """The identification in ``Found``; versions as text, ``sleep_limit`` in s, 0 for never."""
 

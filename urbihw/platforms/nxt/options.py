@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from urbihw.frozen import frozen
 from urbihw.navigation.options import DrivenBaseOptions
 from urbihw.settings import TEXT, Mistake, number, setting
 
@@ -21,7 +21,7 @@ _MOST: Final = 15.0
 """V; no battery of a brick has more."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class NxtOptions(DrivenBaseOptions):
     """The options, beside those of navigation.
 

@@ -10,10 +10,10 @@ nxt/telegram.py, which agree; vectors in ``fakes/urbihw_fakes/captures/nxt.hex``
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from typing import Final
 
 from urbihw.buses.errors import BadFrame, BadValue, BusError
+from urbihw.frozen import frozen
 
 LONGEST: Final = 64
 OUTPUTS: Final = ("A", "B", "C")
@@ -86,7 +86,7 @@ class BrickRefused(BusError):
         self.code = code
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class OutputState:
     """The state of a motor: its command, and its counters in degrees."""
 
@@ -102,7 +102,7 @@ class OutputState:
     rotation: int
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class InputValues:
     """The values of a sensor; ``valid`` is false for a while after its type was set."""
 
@@ -117,7 +117,7 @@ class InputValues:
     calibrated_value: int
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class BrickVersion:
     """Numbers as (major, minor)."""
 
@@ -125,7 +125,7 @@ class BrickVersion:
     firmware: tuple[int, int]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class BrickInfo:
     """The identification of a brick; ``free`` is the free space of its flash in bytes."""
 

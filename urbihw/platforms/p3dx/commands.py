@@ -5,16 +5,16 @@ Sources: the ARCOS chapter of the Pioneer 3 manual, the P2OS command table, ARIA
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 from urbihw.buses.errors import BadValue
+from urbihw.frozen import frozen
 from urbihw.platforms.p3dx.protocol import LARGEST, command
 
 NOTHING, NUMBER, WORD, STRING = "nothing", "a number", "a word of 16 bits", "bytes"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ArcosCommand:
     """One command: ``takes`` is the kind of its argument."""
 

@@ -8,16 +8,16 @@ already; the others have the older H8.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
+from urbihw.frozen import frozen
 from urbihw.platforms.p3dx.sip import FULL_TURN
 
 ANGLE: Final = 2 * math.pi / FULL_TURN
 """rad per count of a heading."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Factors:
     """The factors of one subclass, raw counts to SI units.
 
@@ -93,7 +93,7 @@ def factors_of(subclass: str) -> tuple[Factors, bool]:
     return FACTORS.get(f"{name.partition('-')[0]}-sh", FACTORS[DEFAULT]), False
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SonarPlace:
     """Position and direction of a sonar: m and rad from the middle of the robot, x forward, y left."""
 

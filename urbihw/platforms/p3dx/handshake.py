@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Final
 
 from urbihw.buses.errors import BadFrame, Unavailable
 from urbihw.buses.link import Link, has_line_speed, set_line_speed
+from urbihw.frozen import frozen
 from urbihw.platforms.p3dx import packets, sip
 from urbihw.platforms.p3dx.commands import encode
 from urbihw.platforms.p3dx.options import HOST_BAUDS
@@ -34,7 +34,7 @@ LOST_COUNT: Final = 255
 _SIPS: Final = (sip.STOPPED, sip.MOVING)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ArcosRobotInfo:
     """The description of a robot: names from SYNC2, configuration (0 and "" where old firmware reports nothing)."""
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar, Final
 
+from urbihw.frozen import frozen
 from urbihw.navigation.options import DrivenBaseOptions
 from urbihw.platforms.camera import CameraOptions
 from urbihw.platforms.p3dx.camera import CAMERAS
@@ -19,7 +19,7 @@ SIMULATED: Final = "sim"
 """Value in place of a url for the laser of MobileSim, whose scans come with the robot's packets."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class P3dxOptions(DrivenBaseOptions, CameraOptions):
     """The options, beside those of navigation and of the camera's pictures.
 

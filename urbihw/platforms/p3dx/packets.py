@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Final
 
 from urbihw.buses.errors import BadFrame
+from urbihw.frozen import frozen
 
 CONFIG: Final = 0x20
 RESET_NOTICES: Final = (0xFE, 0xFF)
@@ -116,7 +116,7 @@ def _bytes(body: bytes) -> dict[str, Any]:
     return {"data": body}
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class PacketType:
     """A packet type: the ``device`` whose values it holds, and ``read``, which decodes the body after the type byte."""
 

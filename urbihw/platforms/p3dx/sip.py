@@ -12,10 +12,11 @@ Sources: the ARCOS chapter of the Pioneer 3 manual, ARIA (``ArRobot.cpp``), Mobi
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Final
 
 from urbihw.buses.errors import BadFrame
+from urbihw.frozen import frozen
 
 STOPPED, MOVING = 0x32, 0x33
 
@@ -44,7 +45,7 @@ FULL_TURN: Final = 4096
 """Angle units of a turn: ARIA, Player and MobileSim agree, the ARCOS manual of 2005 says degrees."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Sip:
     """One packet, in raw counts.
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from urbihw.frozen import frozen
 from urbihw.platforms.scene.state import take_state
 
 ROBOT: Final = "robot/"
@@ -21,7 +21,7 @@ class NoPictures(Exception):
     """No pictures can be drawn; the message is one line that says why and what to do."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class ViewPoint:
     """From where the world is seen.
 

@@ -24,7 +24,6 @@ import contextlib
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, Final
 
 from urbihw import buses
@@ -45,6 +44,7 @@ from urbihw.buses.messages import (
     Watch,
 )
 from urbihw.buses.readings import ALARM, Quantity, Reading
+from urbihw.frozen import frozen
 from urbihw.platforms.segway import protocol as p
 from urbihw.platforms.segway.bases import Bases
 from urbihw.platforms.segway.channels import DoubleLine
@@ -68,7 +68,7 @@ _FOREIGN_PAUSE: Final = 10.0
 _LIMITS: Final = {"velocity": p.MOST_VELOCITY, "turn": p.MOST_TURN}
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class BaseInfo:
     """The identification in `Found`: the firmware build, and whether it is the oldest firmware."""
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Final
 
+from urbihw.frozen import frozen
 from urbihw.navigation.options import DrivenBaseOptions
 from urbihw.settings import TEXT, Mistake, choice, setting
 
 MODELS: Final = ("50", "100", "200", "400")
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class SegwayOptions(DrivenBaseOptions):
     """The options, beside those of navigation.
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import ClassVar, Final
 
 from urbihw.buses.messages import Reply
@@ -15,6 +14,7 @@ from urbihw.buses.servos import units
 from urbihw.buses.servos.device import DeviceInfo
 from urbihw.buses.servos.item import ControlTable
 from urbihw.buses.servos.tables import table_for
+from urbihw.frozen import frozen
 from urbihw.kernel.uobject import Motion, UObject, UVar, event, function, number, reading, set_range
 from urbihw.platforms.channel import DeviceChannel
 from urbihw.platforms.devicelog import DeviceLog
@@ -28,7 +28,7 @@ WRITE_LATENCY_S: Final = 0.25
 """Seconds after an unconfirmed write in which a reading with another value is taken for an older one."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@frozen(eq=False)
 class PendingWrite:
     """A write whose result is not known yet: its value, the value before it, and when a reading must show it."""
 

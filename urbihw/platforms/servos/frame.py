@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 from urbihw.buses.servos.calibration import JointCalibration
 from urbihw.buses.servos.item import Item
 from urbihw.buses.servos.units import unit_of
+from urbihw.frozen import frozen
 from urbihw.platforms.expected import DeviceSettings
 
 _TURNED: Final = frozenset({"speed", "torque", "current", "goalCurrent", "goalPwm"})
 _PLACES: Final = frozenset({"val"})
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class JointFrame:
     """The joint's position is ``direction`` * position of the servo + ``shift``; speeds and torques are turned only.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,13 +11,14 @@ from urbihw.buses.servos.calibration import BadCalibration
 from urbihw.buses.servos.options import ServoBusOptions
 from urbihw.figure import BadFigure
 from urbihw.figure.model import read
+from urbihw.frozen import frozen
 from urbihw.settings import TEXT, Mistake, setting
 
 CALIBRATION: Final = "calibration"
 FIGURE: Final = "figure"
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class ServoOptions(ServoBusOptions):
     """The options of the platform.
 

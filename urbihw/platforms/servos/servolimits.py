@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 from urbihw.buses import messages as m
 from urbihw.buses.servos import units
 from urbihw.buses.servos.item import Item
+from urbihw.frozen import frozen
 from urbihw.platforms.hooks import LimitNamer
 from urbihw.platforms.limits import DeviceLimits, whole_counts
 from urbihw.platforms.servos.frame import JointFrame
@@ -22,7 +22,7 @@ _TENTHS: Final = 10  # counts of present_voltage for 1 V
 Table = dict[tuple[int, str], m.Limit]
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class ServoLimits:
     """The limits of one servo; ``named`` returns the names of the settings."""
 

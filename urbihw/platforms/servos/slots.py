@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import Enum
 from typing import Any, Final
 
 from urbihw.buses.servos.item import ControlTable
+from urbihw.frozen import frozen
 
 ChangeHandler = Callable[[int, float], None]
 """Called with the new raw count of a register and its time."""
@@ -27,7 +28,7 @@ SLOW: Final = 1.0
 RARE: Final = 10.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Facts:
     """Data of a model from its data sheet, at the voltage that the sheet names.
 
@@ -80,7 +81,7 @@ def facts_of(model: str) -> Facts:
     return FACTS.get(model, _NONE)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class View:
     """Conversion between the SI value of a register and the slot: ``show(si, facts)`` and ``to_si(value, facts)``.
 
@@ -118,7 +119,7 @@ class Kind(Enum):
     OWN = "what the class of the device does"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class RegisterSlot:
     """One row: the register ``item`` seen as the slot ``name``."""
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Final
 
+from urbihw.frozen import frozen
 from urbihw.platforms.servos.options import ServoOptions, check_calibration
 from urbihw.settings import TEXT, Mistake, setting
 
@@ -13,7 +13,7 @@ LEADER: Final = "leader"
 LEADER_CALIBRATION: Final = "leader_calibration"
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class So101Options(ServoOptions):
     """The options of the platform.
 

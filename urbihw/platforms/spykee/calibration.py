@@ -10,16 +10,18 @@ import json
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
+
+from urbihw.frozen import frozen
 
 FILE: Final = "spykee-calibration.json"
 LEAST, MOST = 0.2, 5.0
 """Limits of the factor by which a calibration may change a number; a typing error is outside."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Calibration:
     """``speed``: m/s of both tracks at 100; ``turn``: rad/s with the tracks at 100 and -100."""
 

@@ -8,10 +8,10 @@ import socket
 import struct
 import time
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from urbihw.frozen import frozen
 from urbihw.platforms.spykee import protocol as p
 from urbihw.settings import one_line
 
@@ -26,7 +26,7 @@ _LOOPBACK_BROADCAST: Final = "127.255.255.255"
 """A simulated robot on this machine; the interface lo has no broadcast address of its own."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FoundRobot:
     """A robot that has answered.
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
+from urbihw.frozen import frozen
 from urbihw.settings import TEXT, Mistake, SettingRule, SettingsTable, number, setting, whole
 
 _LONGEST = 255
@@ -21,7 +21,7 @@ _CREDENTIAL = SettingRule((str, int, float, bool, list, dict), "a text", _text)
 """A value of another type is refused by `SpykeeOptions.clashes`: the message of a rule would show it."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class SpykeeOptions(SettingsTable):
     """The options.
 

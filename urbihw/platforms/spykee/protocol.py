@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Final
 
 from urbihw.buses.errors import BadFrame, BadValue
+from urbihw.frozen import frozen
 
 PORT: Final = 9000
 """The port of discovery (UDP) and of control (TCP)."""
@@ -86,7 +86,7 @@ def pair(key: str, value: str) -> bytes:
         raise BadValue("keys and values are written in ISO-8859-1") from None
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Identity:
     """The content of a login reply: three names, of which the first is the identifier, and the version of the firmware.
     """

@@ -7,11 +7,11 @@ sheet, section 5.
 from __future__ import annotations
 
 import errno
-from dataclasses import dataclass
 from typing import Final
 
 from urbihw.buses.errors import BadFrame, LinkGone, Unavailable
 from urbihw.buses.link import Link
+from urbihw.frozen import frozen
 from urbihw.platforms.spykee import protocol as p
 from urbihw.settings import one_line
 
@@ -19,7 +19,7 @@ REPLY_TIMEOUT_S: Final = 2.0
 """Seconds to wait for each of the two packets."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SpykeeRobotInfo:
     """The robot as ``Found`` reports it; ``power`` is raw: percent, or negative while it charges."""
 

@@ -25,9 +25,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
+from urbihw.frozen import frozen
 from urbihw.platforms.teach.recording import BadMotion
 
 IDS: Final = 26
@@ -45,7 +45,7 @@ MAX_SPEED: Final = 10.0
 _MARK: Final = "\ufeff"
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class MtnStep:
     """Positions in rad from the middle of the servo, by id; seconds of the movement, and of the pause after it."""
 
@@ -54,7 +54,7 @@ class MtnStep:
     pause: float
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class Page:
     """A page: its number and name, the numbers of the pages after it and after a request to end, 0 for none."""
 
@@ -67,7 +67,7 @@ class Page:
     steps: tuple[MtnStep, ...]
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class MotionFile:
     """The pages of a file, in order."""
 

@@ -16,8 +16,9 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
+
+from urbihw.frozen import frozen
 
 MAX_BYTES: Final = 4 * 1024 * 1024
 """Maximum size of a file of motions."""
@@ -47,7 +48,7 @@ class PoseRow(NamedTuple):
     angles: tuple[float, ...]
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class MotionRecording:
     """A motion.
 

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
+from urbihw.frozen import frozen
 from urbihw.settings import TEXT, SettingsTable, choice, number, setting, whole
 
 FAST: Final = "fast"
 SPEEDS: Final = ("real", FAST, "pause")
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class WebotsOptions(SettingsTable):
     """The options.
 

@@ -13,8 +13,10 @@ import difflib
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Final, NamedTuple
+
+from urbihw.frozen import frozen
 
 MOTOR: Final = "motor"
 POSITION_SENSOR: Final = "position sensor"
@@ -45,7 +47,7 @@ REVERTED: Final = "the world was reloaded"
 QUIT: Final = "the simulation was ended by its program"
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class SimDevice:
     """A device of the simulated robot: its name, its kind (above), and numbers that do not change, by name."""
 
@@ -54,7 +56,7 @@ class SimDevice:
     facts: Mapping[str, float] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class SimulatedWorld:
     """What is known of a simulation when it is there.
 
@@ -127,7 +129,7 @@ class LabelText(NamedTuple):
     opacity: float
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class Outcome:
     """What a step gives.
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 from urbihw.buses.errors import BadFrame, LinkGone
 from urbihw.buses.link import Link
+from urbihw.frozen import frozen
 from urbihw_nao.qimessaging import frames as f
 from urbihw_nao.qimessaging.login import describe_stranger
 from urbihw_nao.qimessaging.session import TIMEOUT_S, Heard, QiCall, QiCounters, first_line, unusable
@@ -23,7 +23,7 @@ Address = tuple[int, int, int]
 """Service, object and action."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(slots=False, eq=False)
 class QiListener:
     """Who hears a signal; ``link`` is the number under which the first one registered it with the other side."""
 

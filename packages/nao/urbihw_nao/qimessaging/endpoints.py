@@ -10,9 +10,9 @@ in the one way in which they are written, and only those of the robot itself, un
 from __future__ import annotations
 
 import ipaddress
-from dataclasses import dataclass
 from typing import Any, Final
 
+from urbihw.frozen import frozen
 from urbihw_nao.qimessaging.checked import show_text, to_row, to_text, to_whole
 
 _SCHEMES: Final = {"tcp": "qi", "tcps": "qis"}
@@ -23,7 +23,7 @@ MOST_READ: Final = 32
 """End points of a service that are looked at."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class ServicePlace:
     """Where a service is; the fields are those of a ServiceInfo."""
 

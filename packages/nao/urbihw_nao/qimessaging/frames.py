@@ -8,11 +8,11 @@ Offsets, all u32 and little-endian but 12 to 15::
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from struct import Struct
 from typing import Final
 
 from urbihw.buses.errors import BadFrame
+from urbihw.frozen import frozen
 
 MAGIC: Final = b"\x42\xde\xad\x42"
 HEADER: Final = Struct("<4sIIHBBIII")
@@ -23,7 +23,7 @@ DYNAMIC: Final = 1
 """Flag: the payload is a dynamic value, whatever the signature says."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class QiMessage:
     """A message; ``type`` is one of CALL ... CANCELLED."""
 

@@ -27,6 +27,7 @@ from urbihw.buses.errors import BadValue, LinkGone, Unavailable
 from urbihw.buses.link import Port
 from urbihw.buses.listening import BusListener
 from urbihw.buses.tcp import TcpLink
+from urbihw.frozen import frozen
 from urbihw_nao.qimessaging.login import Login
 from urbihw_nao.qimessaging.login_guard import LoginGuard
 from urbihw_nao.qimessaging.metaobject import MetaObject
@@ -49,7 +50,7 @@ def ignore_outcome(problem: str) -> None:
     """Does nothing: the default of an object whose owner does not ask whether it is registered."""
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class EndPointSettings:
     """Who may call, and where.
 

@@ -10,10 +10,11 @@ import contextlib
 import errno
 import os
 import stat
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Final
 
 from urbihw.buses.errors import Unavailable
+from urbihw.frozen import frozen
 
 AUTH_STATE: Final = "__qi_auth_state"
 AUTH_ERROR, AUTH_CONTINUE, AUTH_DONE = 1, 2, 3
@@ -24,7 +25,7 @@ LONGEST_TOKEN: Final = 256
 TLS_ALERT, TLS_HANDSHAKE = 0x15, 0x16
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class Login:
     """Who logs in.
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any, Self
 
 from urbihw.buses.errors import BadFrame, BadValue
+from urbihw.frozen import frozen
 from urbihw_nao.qimessaging.checked import LONGEST_LINE, is_name, show_text, to_row, to_whole
 from urbihw_nao.qimessaging.signatures import parse
 from urbihw_nao.qimessaging.values import mismatch
@@ -16,7 +16,7 @@ FIRST_USER_UID = 100
 """Methods below are those of the protocol, the same for all objects."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Method:
     """A method of a service; the signatures of its result and of all its parameters together."""
 
@@ -30,7 +30,7 @@ class Method:
         return f"{self.name}{self.parameters}"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class QiSignal:
     """A signal or property of a service; a signal's signature is that of all its values together."""
 
@@ -39,7 +39,7 @@ class QiSignal:
     signature: str
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class MetaObject:
     """What an object offers: methods by name, each a list of overloads; signals and properties by name."""
 

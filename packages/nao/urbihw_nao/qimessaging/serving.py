@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
 from urbihw.buses.errors import BadFrame, BadValue, BusError
+from urbihw.frozen import frozen
 from urbihw.settings import one_line
 from urbihw_nao.qimessaging import frames as f
 from urbihw_nao.qimessaging.call_limits import CALL_BURST, CALLS_A_SECOND, MOST_READ, TokenBucket, check_arguments
@@ -103,7 +104,7 @@ class IncomingCall:
             finish(value, error)
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class ServedMethod:
     """A method that others may call.
 

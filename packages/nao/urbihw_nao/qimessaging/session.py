@@ -21,6 +21,7 @@ from typing import Any, Final
 
 from urbihw.buses.clock import BusClock
 from urbihw.buses.errors import BadValue, LinkGone, Unavailable
+from urbihw.frozen import frozen
 from urbihw_nao.qimessaging.checked import LONGEST_SHOWN, describe_error, show_text
 from urbihw_nao.qimessaging.frames import QiMessage
 from urbihw_nao.qimessaging.login import Login
@@ -56,7 +57,7 @@ class QiCall:
             self.then(self)
 
 
-@dataclass(frozen=True)
+@frozen(slots=False)
 class QiService:
     """A service that was looked up: its name, its number in the directory, what it offers."""
 
@@ -65,7 +66,7 @@ class QiService:
     meta: MetaObject
 
 
-@dataclass(frozen=True, eq=False)
+@frozen(slots=False, eq=False)
 class QiSubscription:
     """A signal that is listened to; ``handle`` is the back end's."""
 

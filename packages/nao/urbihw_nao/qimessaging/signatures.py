@@ -9,11 +9,11 @@ Texts of other machines are never trusted: their length and their depth are boun
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
 
 from urbihw.buses.errors import BadFrame
+from urbihw.frozen import frozen
 
 LONGEST: Final = 8192
 """Characters of a signature; the one of a MetaObject has 300."""
@@ -22,7 +22,7 @@ DEEPEST: Final = 24
 PLAIN: Final = frozenset("vbcCwWiIlLfdsrmoX")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Type:
     """A type: ``kind`` is a letter, or ``[``, ``{`` or ``(`` with the types of the parts in ``parts``."""
 
