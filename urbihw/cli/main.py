@@ -37,6 +37,7 @@ COMMANDS: Final = {
     "panel": "serve the panel for browsers; pair, list and remove browsers",
     "mcp": "serve a robot to an assistant (MCP)",
     "jupyter": "make notebooks in urbiscript known to Jupyter",
+    "lsp": "serve urbiscript to an editor (LSP)",
     "mqtt": "tell a broker of MQTT (Home Assistant) of a robot",
     "view": "show the simulated world of a robot in a window",
     "film": "make a film of a script in a simulated world",
