@@ -21,7 +21,7 @@ RATE_HZ: Final = 30
 START_S: Final = 60.0
 CAMERA: Final = 'var Global.photo = Binary.new("rgb 64 48", "")|; var Global.shade = 0|;'
 SHOOT: Final = (
-    'every (30ms) { shade = (shade + 1) % 50 | Global.photo = Binary.new("rgb 64 48", "%c" % [65 + shade] * 9216) },'
+    'every (30ms) { shade = (shade + 1) % 8 | Global.photo = Binary.new("rgb 64 48", "07AHOVaz"[shade] * 9216) },'
 )
 SWING: Final = "shoulder_pan.load = 1|; shoulder_pan.val = 0 sin:4s ampli:30deg,"
 

@@ -261,12 +261,14 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     # What other people's programs see of a robot: clients of the daemon, each with a package of its own from outside.
     "urbihw.neighbours": ("urbihw.client", "urbihw.extras"),
     "urbihw.neighbours.assistant": ("urbihw.client", "urbihw.extras", "urbihw.neighbours"),
+    "urbihw.neighbours.editor": ("urbihw.client", "urbihw.kernel.syntax"),
     "urbihw.neighbours.home": ("urbihw.backoff", "urbihw.client", "urbihw.neighbours"),
     "urbihw.neighbours.notebook": ("urbihw.client", "urbihw.kernel.syntax"),
     "urbihw.cli": (
         "urbihw.release",
         "urbihw.neighbours",
         "urbihw.neighbours.assistant",
+        "urbihw.neighbours.editor",
         "urbihw.neighbours.home",
         "urbihw.neighbours.notebook",
         # To look at a simulated world.
@@ -358,6 +360,7 @@ LIBRARIES: dict[str, str] = {
     "zenoh": "urbihw.fleets",
     "ipykernel": "urbihw.neighbours.notebook",
     "aiomqtt": "urbihw.neighbours.home",
+    "pygls": "urbihw.neighbours.editor",
     "lerobot": "lerobot_robot_urbihw",
 }
 

@@ -40,6 +40,7 @@ COMMANDS: Final = {
     "fleet": "robots that are joined in a fleet: list, watch, call, stop all",
     "ros": "serve a robot as a node of ROS: its sensors as topics, and topics that move it",
     "jupyter": "make notebooks in urbiscript known to Jupyter",
+    "lsp": "serve urbiscript to an editor (LSP)",
     "mqtt": "tell a broker of MQTT (Home Assistant) of a robot",
     "view": "show the simulated world of a robot in a window",
     "film": "make a film of a script in a simulated world",

@@ -6,7 +6,8 @@ extra, so that the base install stays small.
 
 - ``assistant``: assistants (MCP), ``urbihw mcp``;
 - ``notebook``: a kernel of Jupyter, ``urbihw jupyter``;
-- ``home``: Home Assistant and others, by MQTT, ``urbihw mqtt``.
+- ``home``: Home Assistant and others, by MQTT, ``urbihw mqtt``;
+- ``editor``: a language server, ``urbihw lsp``.
 
 ``orders`` is how those of them move a robot that do it for somebody else.
 
