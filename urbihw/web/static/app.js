@@ -21,7 +21,7 @@ function Control() {
     ${model.of("camera").map((part) => html`<${Camera} key=${part.path} part=${part} />`)}
     ${has("distance") && html`<${Distances} />`}
     ${has("joint") && html`<${Joints} />`}
-    ${model.speeds.length > 0 && html`<${Speeds} />`}
+    ${has("speed") && html`<${Speeds} />`}
     ${model.hasFunction("teach") && html`<${Motions} />`}
     ${has("sensor", "touch", "laser") && html`<${Sensors} />`}
     ${has("light") && html`<${Lights} />`}

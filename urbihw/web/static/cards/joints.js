@@ -228,7 +228,7 @@ export function Joints() {
 /** Motors that turn: sliders that go back to zero. */
 export function Speeds() {
   useTopics("state");
-  const parts = store.model.speeds;
+  const parts = store.model.of("speed");
   return html`<${Card} title="Speeds" name="speeds"><ul class="joints one">${parts.map((part) => html`<li class="joint" key=${part.path} data-part=${part.path}>
     <div class="head"><${PartName} part=${part} slot=${part.slotPath(part.goal.name)} />
       <${Live} slot=${part.slotPath(part.goal.name)} unit=${part.goal.unit} /><${Notes} part=${part} /></div>

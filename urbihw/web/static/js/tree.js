@@ -95,11 +95,6 @@ export class Model {
     return this.parts.filter((part) => kinds.includes(part.kind));
   }
 
-  /** Parts that turn, but for the two speeds of a base, which its pad has. */
-  get speeds() {
-    return this.of("speed").filter((part) => !(this.isMobile && ["x", "y", "yaw"].includes(part.node.name)));
-  }
-
   get isMobile() {
     return this.robot.has("Mobile");
   }
