@@ -54,6 +54,16 @@ class Named(Mark):
         return self.nick
 
 
+@frozen
+class Caseless:
+    """Compares by itself, and is hashed by its fields."""
+
+    name: str
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Caseless) and self.name.lower() == other.name.lower()
+
+
 @frozen(eq=False)
 class Alone:
     """Is equal to itself only."""
@@ -81,6 +91,7 @@ def test_objects_are_equal_by_the_fields_that_count() -> None:
     assert Empty() == Empty() and hash(Empty()) == hash(Empty())
     pair: object = ("a", 0.0)
     assert Mark("a") != Named("a") and Mark("a") != pair
+    assert Caseless("a") == Caseless("A") and hash(Caseless("a")) == hash(Caseless("a"))
     assert Alone(1) != Alone(1) and len({Alone(1), Alone(1)}) == 2
 
 

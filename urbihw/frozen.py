@@ -40,7 +40,7 @@ def frozen(kind: Any = None, *, slots: bool = True, eq: bool = True) -> Any:
         if eq:
             methods |= _comparison([each.name for each in fields(made) if each.compare])
         for name, method in methods.items():
-            if name not in own:
+            if own.get(name) is None:  # a class with an __eq__ of its own has a __hash__ of None
                 setattr(made, name, method)
         return made
 

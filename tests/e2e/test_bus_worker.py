@@ -31,13 +31,14 @@ import sys, threading
 from urbihw.buses import messages as m
 from urbihw.buses.worker import Worker
 
-moved = threading.Event()
 def post(message):
     if isinstance(message, m.Found):
         worker.send(m.Watch(6, ("present_position",)))
-        worker.send(m.Targets({(6, "moving_speed"): 20, (6, "goal_position"): 1000}))
-    elif isinstance(message, m.Samples) and message.values[6]["present_position"] > 560:
-        print("moving", flush=True)
+    elif isinstance(message, m.Samples) and 6 in message.values:
+        if message.values[6]["present_position"] > 560:
+            print("moving", flush=True)
+        else:  # again and again: a target is dropped while its servo is lost, as on a busy machine
+            worker.send(m.Targets({(6, "moving_speed"): 20, (6, "goal_position"): 1000}))
 settings = m.Configure(dead_man=float(sys.argv[2]), options={"protocol": 1})
 worker = Worker.start(sys.argv[1], post=post, settings=settings)
 threading.Event().wait()

@@ -134,19 +134,19 @@ def test_the_place_of_a_statement_is_noted_without_reading_it_again(monkeypatch:
 
     monkeypatch.setattr(templates, "compile_node", counting)
 
-    def note(this: Value, value: Value) -> Value:
+    def mark(this: Value, value: Value) -> Value:
         noted.append(later_stack())
         return value
 
     world = console.kernel.world
-    world.global_.slots["note"] = make_primitive(world, "note", note, 1, 1)
-    console.say("note(1); note(2); note(3);\necho(note(1)); echo(note(2)); echo(note(3));\n")
+    world.global_.slots["mark"] = make_primitive(world, "mark", mark, 1, 1)
+    console.say("mark(1); mark(2); mark(3);\necho(mark(1)); echo(mark(2)); echo(mark(3));\n")
     noted.clear()
     number = len(compiled)
-    assert console.say("note(44);").endswith("] 44\n") and console.say("echo(note(55));").endswith("*** 55\n")
+    assert console.say("mark(44);").endswith("] 44\n") and console.say("echo(mark(55));").endswith("*** 55\n")
     assert len(compiled) == number
     assert [str(stack().location) for stack in noted] == ["3.1-8", "3.15-22"]
-    assert [stack().routine for stack in noted] == ["note", "note"]
+    assert [stack().routine for stack in noted] == ["mark", "mark"]
 
 
 def test_lines_with_a_lazy_function_of_the_client_itself_are_compiled_once(monkeypatch: pytest.MonkeyPatch) -> None:

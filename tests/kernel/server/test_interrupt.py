@@ -74,6 +74,19 @@ def test_what_is_in_the_background_goes_on(console: Console) -> None:
     assert console.say("n;", until=3.6) == ["[] 4"]
 
 
+def test_a_statement_typed_at_once_afterwards_is_not_killed(console: Console, monkeypatch: pytest.MonkeyPatch) -> None:
+    line = console.lobby.output.line
+
+    def answering(text: str, channel: str = "") -> None:
+        line(text, channel)
+        if "killing" in text:  # the user types before the rest of the interruption has its turn
+            console.lobby.feed(b"{ sleep(1s); 2 };")
+
+    monkeypatch.setattr(type(console.lobby.output), "line", lambda _self, *given: answering(*given))
+    with console.signals():
+        assert console.say("loop| {};") == [KILLED, "[] 2"]
+
+
 def test_with_nothing_in_the_foreground_nothing_happens(console: Console) -> None:
     console.press()
     assert console.say("") == []

@@ -299,11 +299,19 @@ class Shell:
         """Whether the statement in the foreground is running now."""
         return self._scheduler.current is self._job
 
-    def interrupt(self) -> None:
+    @property
+    def statement(self) -> str:
+        """The name of the last statement that began in the foreground."""
+        return self._job.name
+
+    def interrupt(self, statement: str = "") -> None:
         """Kill the statement in the foreground, and discard the pending input, including an incomplete statement.
 
-        Does nothing without one.  May be called by the statement itself and from outside any job.
+        Does nothing without one, or if another one than the given ``statement`` runs.  May be called by the statement
+        itself and from outside any job.
         """
+        if statement and statement != self._job.name:
+            return
         if self._job.started and not self._more:
             self._scheduler.throw(self._job, Interrupted())
 

@@ -13,6 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from types import FrameType
 
 from urbihw.kernel.lobby.lobby import Lobby
@@ -77,12 +78,15 @@ class Interrupter:
             self._kill(self.lobby, frame)
 
     def _kill(self, lobby: Lobby, frame: FrameType | None) -> None:
+        shell = lobby.shell
+        if frame is not None and shell.is_running():
+            self._breaker.break_in(frame, Interrupted())
+            # For a statement that catches this.  On a busy machine the next one may have begun when it is its turn.
+            self._scheduler.post(partial(shell.interrupt, shell.statement))
+            return
         if frame is not None:
-            if lobby.shell.is_running():
-                self._breaker.break_in(frame, Interrupted())
-            else:
-                self._breaker.break_in(frame, JobKilled(), GRACE_S)
-        self._scheduler.post(lobby.shell.interrupt)
+            self._breaker.break_in(frame, JobKilled(), GRACE_S)
+        self._scheduler.post(shell.interrupt)
 
     def _end(self, frame: FrameType | None) -> None:
         self.is_ending = True
