@@ -21,7 +21,7 @@ def test_what_the_settings_do_not_name_any_more_is_not_missing(
     before: tuple[int, ...], ids: tuple[int, ...], expected: tuple[int, ...], missing: list[float]
 ) -> None:
     shown: list[list[float]] = []
-    log = DeviceLog(logging.getLogger("urbihw.test"), lambda: 0.0, lambda seconds, call: None)
+    log = DeviceLog(logging.getLogger("urbihw.test"), lambda: 0.0, lambda seconds, call: lambda: None)
     devices = MissingDevices(log, shown.append)
     devices.open(before)
     devices.add(5)

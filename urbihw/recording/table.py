@@ -49,7 +49,7 @@ def curves(
 ) -> dict[str, list[tuple[float, float]]]:
     """Return the values between two times in s as curves: times and numbers, by the names of their columns.
 
-    ``wanted`` are columns or devices, at least one, ``raw`` as for ``write_csv``.  A whole number that is beyond those of
+    ``wanted`` are columns or devices, at least one, ``raw`` as for ``write_csv``.  A whole number that is too large for
     a float is left out.  Raises UnreadableRecording.
     """
     found: dict[str, list[tuple[float, float]]] = {}
