@@ -63,6 +63,37 @@ def test_late_answers_are_those_of_one_device_each(
     assert [device.id for device in found.devices] == IDS
 
 
+class NoisyRig(Rig):
+    """A wire with a stray byte behind some of the writes of the host."""
+
+    def __init__(self, seed: int, kit: Bioloid) -> None:
+        self._dice = random.Random(seed)
+        super().__init__(kit)
+
+    def _receive(self, data: bytes, at: float) -> None:
+        super()._receive(data, at)
+        if self._dice.random() < 0.02:
+            self.end.send(bytes([self._dice.randrange(256)]), at + 0.0003)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_noise_alone_is_no_device(seed: int) -> None:
+    found = scan(NoisyRig(seed, Bioloid(units=[Ax12(1), Ax12(2)], baud=BAUD)).bus(1), echo=False)
+    assert [(device.id, device.model) for device in found.devices] == [(1, 12), (2, 12)]
+
+
+def test_an_echo_of_protocol_2_is_not_told_for_noise() -> None:
+    seconds = []
+    for has_echo in (False, True):
+        rig = Rig(Bioloid.x_series(3, baud=BAUD))
+        if has_echo:
+            rig.kit.faults.start("echo")
+        begun = rig.clock.now()
+        assert [device.id for device in scan(rig.bus(2)).devices] == [1, 2, 3]
+        seconds.append(rig.clock.now() - begun)
+    assert seconds[1] == pytest.approx(seconds[0], rel=0.2)
+
+
 @pytest.mark.parametrize("seed", [0, 3, 4])
 def test_two_devices_with_one_id_are_told_among_late_answers(seed: int) -> None:
     found = scan(HeldRig(seed, 0.3, 0.1, False, Ax12(6)).bus("auto"))

@@ -63,8 +63,13 @@ CASES = [
     (with_bus(rate=50.0), 1, "50 Hz instead of 100"),
     (with_bus(recent_errors={"timeouts": 80}), 1, "80 timeouts on the wire in 60 s"),
     (
-        with_bus(recent_errors={"timeouts": 900}, crowd=3.2),
+        with_bus(recent_errors={"timeouts": 900}, held_up=0.3, crowd=3.2),
         1,
+        "900 timeouts on the wire in 60 s: this computer is busy (no processor for 30 % of the time)",
+    ),
+    (
+        with_bus(recent_errors={"timeouts": 900}, crowd=3.2),
+        2,
         "900 timeouts on the wire in 60 s: this computer is busy (3.2 programs for each processor)",
     ),
     (with_bus(recent_errors={"damaged": 900}, crowd=3.2), 2, "900 damaged on the wire in 60 s"),

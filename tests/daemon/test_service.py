@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import dataclasses
+import logging
 import os
 import socket
 from pathlib import Path
@@ -58,6 +59,19 @@ def test_an_address_that_others_reach_wants_tokens_and_a_certificate(
     assert refusal(dataclasses.replace(open_to_all, tls_cert="/none.pem")).startswith("/none.pem: cannot be read")
     assert "/dev/null is no serial port" in refusal(open_to_all)
     assert "/dev/null is no serial port" in refusal(dataclasses.replace(open_to_all, allow_plain=True))
+
+
+def test_the_port_is_logged_before_the_file_that_tells_it_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Who waits for the file looks into the log next: a test, a script."""
+    tmp_path.chmod(0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+    caplog.set_level(logging.INFO, "urbihw.daemon")
+    config = Config(platform="bioloid", url=str(tmp_path / "none"), port=0, port_file=str(tmp_path / "no" / "port"))
+    assert "cannot write the port" in refusal(config)
+    assert " of 127.0.0.1: bioloid: waiting for the robot" in caplog.text
 
 
 def test_a_url_without_sense_is_refused() -> None:

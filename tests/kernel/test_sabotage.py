@@ -522,6 +522,20 @@ def test_what_the_robots_own_code_changes_is_no_change(fresh: Stage) -> None:
     assert world.record.check() == []
 
 
+def test_what_the_robots_own_code_changes_while_the_library_is_recorded_is_no_change(fresh: Stage) -> None:
+    """The tree of a robot may grow while the daemon begins to serve, and while the first clients connect."""
+    kernel, world = fresh.kernel, fresh.world
+    kernel.host.run("var Global.go = Event.new|; class Global.Part { function tell() { 1 } };"
+                    "var Global.part = Part.new|; waituntil (go?); function part.tell() { 2 }; waituntil (go?);", "a.u")
+    fresh.say(fresh.saboteur, "")
+    kernel.complete()
+    for _ in range(2):
+        fresh.say(fresh.innocent, "go!;")
+        assert world.record.check() == []
+    assert fresh.say(fresh.innocent, "part.tell; part.tell = function () { 3 }|; System.resetLibrary; part.tell;") == [
+        "[] 2", '[] ["part.tell"]', "[] 2"]
+
+
 def test_lobbies_that_were_made_end_with_the_connection_of_their_maker(fresh: Stage) -> None:
     lobbies = fresh.kernel.programs.lobbies
     before = dict(lobbies)

@@ -104,6 +104,16 @@ def test_why_knows_who_moved_a_joint_before_the_recording_and_the_names_of_an_ar
     assert json.loads(maker.beginning[-1].data)["names"] == {"5": "Lobby_2 (127.0.0.1)"}
 
 
+def test_who_moved_devices_that_are_stopped_is_forgotten_wherever_they_stand() -> None:
+    maker = RecordMaker()
+    answer = {"ok": True, "do": "record", "time": 5.0, "link": True, "estop": "", "epoch": 1,
+              "writers": {"1": "a", "2": "b", "3": "c"}}
+    stopped = {"event": "Stopped", "devices": [2, 3], "reason": "", "at": 6.0}
+    for event in (answer, stopped):
+        maker.records(json.dumps(event).encode())
+    assert json.loads(maker.beginning[-1].data)["names"] == {"1": "a"}
+
+
 def test_values_as_a_table(file: Path, capsys: Capture) -> None:
     rows = list(csv.reader(shown(capsys, str(file), "--csv", "--raw")))
     assert rows[0] == ["time", "6.present_position", "7.present_position"]

@@ -45,6 +45,23 @@ def test_values_that_are_no_numbers_and_times_outside_are_left_out() -> None:
     assert rows([(0.2, 1.0), (0.5, math.inf), (0.8, 2.0), (1.2, 99.0)])[1][:GUTTER].strip() == "2"
 
 
+@pytest.mark.parametrize("top", [1e308, 5e-324])
+def test_values_whose_distance_is_no_usual_number_are_drawn(top: float) -> None:
+    low = -top if top > 1 else 0.0
+    drawn = rows([(0.0, low), (1.0, top)])
+    assert drawn[1][-1] != BLANK and drawn[-1][GUTTER] != BLANK
+
+
+def test_a_whole_number_beyond_all_floats_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "arm.mcap"
+    lines = [{"event": "Values", "time": 1.0 + n, "values": {"6": {"position": value}}, "at": 1.0 + n}
+             for n, value in enumerate((1, 10**400, 3))]
+    write(path, [json.dumps(line).encode() for line in lines], "so101")
+    assert main(["plot", str(path), "6"]) == 0
+    drawn = capsys.readouterr().out.splitlines()
+    assert drawn[1].split()[0] == "3" and drawn[-2].split()[0] == "1"
+
+
 def test_names_of_joints_and_motors_are_those_of_the_wire() -> None:
     ids = {"gripper": "6"}
     assert [column_of(name, ids) for name in ("gripper.position", "motor7.load", "8", "A.speed", "sensor100")] == [

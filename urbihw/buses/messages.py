@@ -175,7 +175,7 @@ class Heartbeat:
 
 @frozen
 class ReleaseKnown:
-    """The master knows of a release that somebody else has asked for; one for each `Latched` with `freed`."""
+    """The master knows of a release, its own or that of somebody else; one for each `Latched` with `freed`."""
 
 
 @frozen

@@ -50,6 +50,17 @@ class Pace:
         """Whether the rate is as asked, but for what is too little to be told."""
         return self.late <= LATE_SHARE
 
+    @property
+    def is_held_up(self) -> bool:
+        """Whether the worker itself had too little of a processor."""
+        return self.held_up > _BUSY_SHARE
+
+    def busy_words(self) -> str:
+        """Return that this computer is busy, if it is, else "": then answers may be late."""
+        if self.is_held_up:
+            return f"this computer is busy (no processor for {100 * self.held_up:.0f} % of the time)"
+        return busy_words(self.crowd)
+
     def explain(self) -> str:
         """Return the line for a rate that is not kept: how long a cycle takes, the rate, and what to do."""
         if self.rate <= 0:
@@ -58,9 +69,8 @@ class Pace:
         return f"{cycle}: {self._remedy()} or set rate = {_lower_rate(self.rate):g}"
 
     def _remedy(self) -> str:
-        if self.held_up > _BUSY_SHARE:
-            share = f"{100 * self.held_up:.0f} % of the time"
-            return f"this computer is busy (no processor for {share}): end other programs"
+        if self.is_held_up:
+            return f"{self.busy_words()}: end other programs"
         if self.load > _FULL_WIRE:
             return f"the wire is full ({100 * self.load:.0f} %): choose a faster baud rate"
         if busy := busy_words(self.crowd):

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from enum import IntEnum
 from typing import Any, Final, NamedTuple
 
-from urbihw.buses.pace import Pace, busy_words
+from urbihw.buses.pace import Pace
 
 LOW_CHARGE: Final = 0.1
 """Share of its charge below which a battery is reported."""
@@ -121,10 +121,13 @@ def _bus(bus: Mapping[str, Any]) -> Iterator[Reason]:
     for kind in errors:
         count = number_in(errors, kind)
         level = error_level(kind, count, wanted * seconds)
-        busy = busy_words(pace.crowd) if kind == "timeouts" else ""
+        busy = pace.busy_words() if kind == "timeouts" else ""
         if level:
+            if busy and pace.is_held_up:
+                # A crowd alone excuses nothing: the programs of the robot itself are in it.
+                level = Level.WARNING
             text = f"{count:.0f} {kind} on the wire in {seconds:.0f} s"
-            yield Reason(Level.WARNING if busy else level, "errors", "", f"{text}: {busy}" if busy else text)
+            yield Reason(level, "errors", "", f"{text}: {busy}" if busy else text)
 
 
 def _inventory(told: Mapping[str, Any]) -> Iterator[Reason]:

@@ -389,13 +389,14 @@ class DaemonService:
             )
         except OSError as error:
             raise self._no_port(error) from error
+        self._observers.start(self._control_path, self._client_path or f"127.0.0.1:{process.port}")
+        log.info("port %d of %s: %s", process.port, config.host, self._status())
+        # Behind the line of the log: who waits for the file looks there next.
         if config.port_file:
             try:
                 process.write_port_file(Path(config.port_file))
             except OSError as error:
                 raise StartError(f"cannot write the port to {config.port_file}: {error.strerror}") from error
-        self._observers.start(self._control_path, self._client_path or f"127.0.0.1:{process.port}")
-        log.info("port %d of %s: %s", process.port, config.host, self._status())
         self._notifier.ready(self._status())
         self._reloader.begin()
 

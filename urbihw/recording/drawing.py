@@ -42,18 +42,22 @@ def _cells(
 ) -> list[list[int]]:
     """The characters of a drawing."""
     cells = [[_BLANK] * wide for _ in range(high)]
-    across = (2 * wide - 1) / ((times[1] - times[0]) or 1.0)
-    up = (4 * high - 1) / ((values[1] - values[0]) or 1.0)
     joined = max(_LONGEST_GAP * (times[1] - times[0]), _GAP_TIMES * _usual_step(curve))
     before: tuple[float, int, int] | None = None
     for time, value in curve:
-        x = round((time - times[0]) * across)
-        y = 4 * high - 1 - round((value - values[0]) * up) if values[1] > values[0] else 2 * high
+        x = round(_share(time, times) * (2 * wide - 1)) if times[1] > times[0] else 0
+        y = 4 * high - 1 - round(_share(value, values) * (4 * high - 1)) if values[1] > values[0] else 2 * high
         begin = before if before is not None and time - before[0] <= joined else (time, x, y)
         for x_dot, y_dot in _line(begin[1:], (x, y)):
             cells[y_dot // 4][x_dot // 2] |= _DOTS[x_dot % 2][y_dot % 4]
         before = time, x, y
     return cells
+
+
+def _share(value: float, ends: tuple[float, float]) -> float:
+    """Where a value is between two others, 0..1; also if they are farther apart than a float can tell."""
+    scale = 1.0 if math.isfinite(ends[1] - ends[0]) else 0.5
+    return (value * scale - ends[0] * scale) / (ends[1] * scale - ends[0] * scale)
 
 
 def _usual_step(curve: Curve) -> float:

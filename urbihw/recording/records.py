@@ -99,8 +99,8 @@ class RecordMaker:
             self._writers |= {str(device): str(name) for device, name in event["names"].items()}
         elif kind == "Stopped":
             devices = event.get("devices")
-            gone = self._writers if devices is None else map(str, devices)
-            self._writers = {device: name for device, name in self._writers.items() if device not in {*gone}}
+            gone = {*self._writers} if devices is None else {*map(str, devices)}
+            self._writers = {device: name for device, name in self._writers.items() if device not in gone}
         record = json_record(topic, time, event)
         if kind == "Settings":
             self._beginning["settings"] = [record]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import sys
 from collections.abc import Collection, Iterator
 from typing import TYPE_CHECKING, Final
 
@@ -14,6 +15,7 @@ from urbihw.settings import escape_unprintable
 if TYPE_CHECKING:
     from _typeshed import SupportsWrite
 
+_MAX_FLOAT: Final = int(sys.float_info.max)
 MOST_COLUMNS: Final = 10_000
 MOST_NAME: Final = 200
 """Characters of the name of a column at most."""
@@ -47,12 +49,14 @@ def curves(
 ) -> dict[str, list[tuple[float, float]]]:
     """Return the values between two times in s as curves: times and numbers, by the names of their columns.
 
-    ``wanted`` and ``raw`` as for ``write_csv``.  Raises UnreadableRecording.
+    ``wanted`` are columns or devices, at least one, ``raw`` as for ``write_csv``.  A whole number that is too large for
+    a float is left out.  Raises UnreadableRecording.
     """
     found: dict[str, list[tuple[float, float]]] = {}
     for message, row in _rows(recording, topics.SAMPLES if raw else topics.VALUES, since, until):
         for name, value in row.items():
-            if isinstance(value, int | float) and (name in wanted or name.partition(".")[0] in wanted):
+            is_wanted = name in wanted or name.partition(".")[0] in wanted
+            if is_wanted and (isinstance(value, float) or isinstance(value, int) and abs(value) <= _MAX_FLOAT):
                 found.setdefault(name, []).append((message.time, float(value)))
             else:
                 found.setdefault(name, [])

@@ -70,8 +70,11 @@ class _Answers:
         self._last: Exchanged | None = None
         self._asked: dict[int, Exchanged] = {}
         """The last request to each unit."""
-        self._held: list[tuple[float, bytes, Exchanged]] = []
-        """The beginning of a packet: times, bytes, and the last request at that time."""
+        self._held: list[tuple[Piece, bytes, Exchanged]] = []
+        """The beginning of a packet: pieces, what is left of their bytes, and the last request at that time."""
+        self._given: tuple[Piece | None, Exchanged | None] = None, None
+        """The piece that was given away last, and to what. Only bytes of one piece come back as one: two telegrams on
+        a CAN bus may have the same time."""
 
     def ask(self, exchanged: Exchanged) -> None:
         """Take note of a request that has gone out."""
@@ -82,9 +85,9 @@ class _Answers:
     def add(self, piece: Piece) -> None:
         """Add bytes that have come to what they belong to."""
         assert self._last is not None
-        if self._held and piece.time - self._held[0][0] > PATIENCE_S:
+        if self._held and piece.time - self._held[0][0].time > PATIENCE_S:
             self.flush()
-        self._held.append((piece.time, piece.data, self._last))
+        self._held.append((piece, piece.data, self._last))
         while self._held:
             buffer = b"".join(data for _, data, _ in self._held)
             size = self._framing.size(buffer)
@@ -99,15 +102,16 @@ class _Answers:
     def _take(self, size: int, unit: int | None) -> None:
         """Give away so many of the bytes that are held: those of a packet of a unit, or damaged ones."""
         while size > 0:
-            time, data, asked = self._held.pop(0)
+            piece, data, asked = self._held.pop(0)
             if len(data) > size:
-                self._held.insert(0, (time, data[size:], asked))
+                self._held.insert(0, (piece, data[size:], asked))
             owner = asked if unit is None else self._asked.get(unit, asked)
-            delay, data, size = time - owner.asked_at, data[:size], size - len(data)
-            if owner.answers and owner.answers[-1][0] == delay:
+            delay, data, size = piece.time - owner.asked_at, data[:size], size - len(data)
+            if self._given[0] is piece and self._given[1] is owner:
                 owner.answers[-1] = (delay, owner.answers[-1][1] + data)
             else:
                 owner.answers.append((delay, data))
+            self._given = piece, owner
 
 
 def prelude(pieces: Iterable[Piece]) -> list[tuple[float, bytes]]:

@@ -124,28 +124,31 @@ class _Sweep:
             noise = self._decoder.noise
             ping = packet.ping_packet(bus.protocol, device)
             now = bus.clock.now()
-            bus.link.write(ping)
-            if isinstance(self._decoder, packet.Decoder1) and bus.echo:
-                self._decoder.expect_echo(ping)
+            echoed = self._send(ping)
             self._sent[device] = now + len(ping) * bus.link.byte_time
             self._listen(device, self._sent[device] + wait)
-            # In protocol 2.0 an echo is noise to the decoder, so its bytes tell nothing.
-            self._doubt_if_noisy(noise + (len(ping) if bus.echo and bus.protocol == 2 else 0), now)
+            self._doubt_if_noisy(noise + echoed, now)
         noise, now = self._decoder.noise, bus.clock.now()
         self._listen(-1, now + self._last_wait)
         if self._heard:
-            self._collect()
+            noise += self._collect()
         self._doubt_if_noisy(noise, now)
         return self._heard, self._doubtful
 
-    def _collect(self) -> None:
-        """Listen until a device that was heard has answered once more: then all others have, too."""
-        bus, self._last = self._bus, next(iter(self._heard))
-        ping = packet.ping_packet(bus.protocol, self._last)
-        bus.link.write(ping)
-        if isinstance(self._decoder, packet.Decoder1) and bus.echo:
+    def _send(self, ping: bytes) -> int:
+        """Send a ping; return how many bytes of noise its echo is: in protocol 2.0 it is noise to the decoder."""
+        self._bus.link.write(ping)
+        if isinstance(self._decoder, packet.Decoder1) and self._bus.echo:
             self._decoder.expect_echo(ping)
+        return len(ping) if self._bus.echo and self._bus.protocol == 2 else 0
+
+    def _collect(self) -> int:
+        """Listen until a device that was heard has answered once more: then all others have, too.  Returns as
+        `_send`."""
+        bus, self._last = self._bus, next(iter(self._heard))
+        echoed = self._send(packet.ping_packet(bus.protocol, self._last))
         self._listen(-1, bus.clock.now() + _LONGEST_LAST_WAIT)
+        return echoed
 
     def _doubt_if_noisy(self, before: int, since: float) -> None:
         """Doubt the ids that may have caused noise since a time: it comes as late as any other answer may."""
@@ -222,7 +225,7 @@ def _crowd_at(bus: ServoBus, device: int) -> str:
         noisy += decoder.noise > noise
     if 2 * (noisy + max(0, answers - _CONFLICT_PINGS)) > _CONFLICT_PINGS:
         return "many"
-    return "one" if answers or noisy else "none"
+    return "one" if answers else "none"  # Noise alone is no device: a wire may have it at any id.
 
 
 def identify(bus: ServoBus, number: int, pong: Status | None = None) -> ServoDevice:

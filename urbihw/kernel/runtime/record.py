@@ -78,6 +78,19 @@ class Changes:
         self.different: dict[str, None] = {}
 
 
+class Adoption:
+    """Code of the robot that runs: what was there when it began, or when the library was recorded meanwhile."""
+
+    def __init__(self, names: Iterable[str], kept: Iterable[Obj]) -> None:
+        self.names = set(names)
+        """The slots of Global."""
+        self.begin(kept)
+
+    def begin(self, kept: Iterable[Obj]) -> None:
+        """What differs from now on is a change."""
+        self.before = {obj: (dict(obj.slots), list(obj.protos)) for obj in kept}
+
+
 class Record:
     """The record of one world.  ``protected`` has the slots that no program can change, by name."""
 
@@ -90,6 +103,7 @@ class Record:
         self._by_name: dict[str, RecordedObject] = {}
         self._functions: set[str] = set()
         self._robots: set[str] = set()  # slots of Global that its own code has made
+        self._adoptions: list[Adoption] = []
         self._librarys: frozenset[str] = frozenset()  # slots of Global before there was a robot
         self._quick: tuple[Any, ...] = ()
         self._logged: set[tuple[str, str]] = set()
@@ -155,10 +169,14 @@ class Record:
     def take_snapshot(self) -> None:
         """Record the library as it is now."""
         world = self._world
+        for adoption in self._adoptions:
+            self._robots |= world.global_.slots.keys() - adoption.names
         self._kept.clear()
         self._by_name.clear()
         self._record_reachable([("Global", world.global_)])
         self._quick = (world.generic_floats, world.quick_strings, world.quick_lists)
+        for adoption in self._adoptions:
+            adoption.begin(self._kept)
 
     def _record_reachable(self, roots: list[tuple[str, Any]]) -> None:
         """Record the objects that can be reached from these roots and are not recorded yet."""
@@ -179,16 +197,18 @@ class Record:
     def adopt(self, run: Callable[[], Any]) -> None:
         """Run code of the robot itself, and record its changes of shared objects.
 
-        Before the first snapshot, all changes are part of the record.  Raises what ``run`` raises.
+        Before the first snapshot, all changes are part of the record.  The code may wait, and a snapshot be taken
+        meanwhile.  Raises what ``run`` raises.
         """
-        before = {obj: (dict(obj.slots), list(obj.protos)) for obj in self._kept}
-        known = set(self._world.global_.slots)
+        adoption = Adoption(self._world.global_.slots, self._kept)
+        self._adoptions.append(adoption)
         try:
             run()
         finally:
-            self._robots |= self._world.global_.slots.keys() - known
+            self._adoptions.remove(adoption)
+            self._robots |= self._world.global_.slots.keys() - adoption.names
             changed = [
-                root for obj, (slots, protos) in before.items() if obj.slots != slots or obj.protos != protos
+                root for obj, (slots, protos) in adoption.before.items() if obj.slots != slots or obj.protos != protos
                 for root in self._adopted(obj, slots, protos)
             ]  # fmt: skip
             if changed:
@@ -228,6 +248,8 @@ class Record:
             obj = kept.obj
             if obj.slots != kept.slots or obj.protos != kept.protos:
                 self._restore(kept, changes, thorough=False)
+        if self._adoptions:
+            changes.different.clear()  # They may be the robot's own, which are recorded when its code has run.
         self._finish(changes)
         self._log(changes)
         lines = []

@@ -26,11 +26,11 @@ class MissingDevices:
     def reload(self, ids: Collection[int], expected: Iterable[int]) -> None:
         """The settings were read again: what they do not name any more is not missing."""
         before, self._looked_for = self._looked_for, frozenset(ids)
-        if before == self._looked_for:
-            return
-        self._log.info("options.ids: other devices are looked for when the link to the robot opens again")
-        for number in before - self._looked_for - {*expected}:
-            self._numbers.pop(number, None)
+        if before != self._looked_for:
+            self._log.info("options.ids: other devices are looked for when the link to the robot opens again")
+        if self._looked_for:
+            named = self._looked_for | {*expected}
+            self._numbers = {number: None for number in self._numbers if number in named}
         self._show([*map(float, self._numbers)])
 
     def add(self, number: int) -> None:
