@@ -126,12 +126,13 @@ class RosNode:
             await self._withdraw("publish", found.topic)
 
     async def subscribe(
-        self, topic: str, kind: str, receive: Receiver, gone: GoneNews = lambda node: None, fresh_only: bool = False
-    ) -> RosSubscription:
+        self, topic: str, kind: str, receive: Receiver, gone: GoneNews = lambda node: None,
+        receive_old: Receiver | None = None,
+    ) -> RosSubscription:  # fmt: skip
         """Follow a topic; ``kind`` "" for the type that the master knows.  Raises RosError.
 
-        ``gone`` gets the name of a publisher whose connection has ended; with ``fresh_only``, what a publisher had
-        latched before this node came is dropped.
+        ``gone`` gets the name of a publisher whose connection has ended; ``receive_old`` gets what a publisher had
+        latched before this node came, in place of ``receive``.
         """
         topic = checked_name(topic)
         if topic in self._subscriptions:
@@ -141,7 +142,7 @@ class RosNode:
         if not kind:
             raise RosError(f"topic {topic} is not known: no node has told its type")
         known = await self._type_of_topic(topic, kind)
-        made = RosSubscription(topic, known, self.name, receive, gone, fresh_only)
+        made = RosSubscription(topic, known, self.name, receive, gone, receive_old)
         self._subscriptions[topic] = made
         try:
             made.follow(await self._register("subscribe", topic, Registration(
