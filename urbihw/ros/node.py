@@ -16,7 +16,7 @@ from urbihw.repeats import LimitedLog
 from urbihw.ros import services
 from urbihw.ros.errors import NoMaster, PeerError, RosError
 from urbihw.ros.framing import encode_header
-from urbihw.ros.master import GraphState, RosMaster
+from urbihw.ros.master import GraphState, RosMaster, names_in
 from urbihw.ros.messages import MessageType, MessageTypes
 from urbihw.ros.names import checked_name, own_address
 from urbihw.ros.publications import PeerNews, RosPublication
@@ -145,9 +145,9 @@ class RosNode:
         made = RosSubscription(topic, known, self.name, receive, gone, receive_old)
         self._subscriptions[topic] = made
         try:
-            made.follow(await self._register("subscribe", topic, Registration(
+            made.follow(names_in(await self._register("subscribe", topic, Registration(
                 "registerSubscriber", (topic, kind, self._rpc.uri), "unregisterSubscriber", (topic, self._rpc.uri)
-            )), old=True)  # fmt: skip
+            ))), old=True)  # fmt: skip
         except BaseException:
             del self._subscriptions[topic]
             raise
@@ -217,6 +217,7 @@ class RosNode:
         """End a service of this node."""
         found = self._services.pop(checked_name(service), None)
         if found is not None:
+            found.close()
             await self._withdraw("offer", found.name)
 
     # ---------------------------------------------------------------- the master
@@ -260,7 +261,7 @@ class RosNode:
         for (what, name), each in [*self._registrations.items()]:
             answer = await self.master.ask(each.tell, *each.told)
             if what == "subscribe" and name in self._subscriptions:
-                self._subscriptions[name].follow(map(str, answer), old=True)
+                self._subscriptions[name].follow(names_in(answer), old=True)
 
     # ---------------------------------------------------------------- what others ask
 

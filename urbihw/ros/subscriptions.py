@@ -77,6 +77,8 @@ class RosSubscription:
                 self._log.say(uri, "%s: publisher at %s: %s", self.topic, uri, error)
             except (OSError, EOFError) as error:
                 log.debug("%s: publisher at %s has gone: %s", self.topic, uri, error)
+            except Exception as error:  # the publisher must be tried again, whatever it has sent
+                self._log.say(uri, "our bug: %s: publisher at %s: %r", self.topic, uri, error)
             await asyncio.sleep(pauses.next_pause())
 
     async def _open(self, uri: str) -> tuple[RosStream, dict[str, str]]:

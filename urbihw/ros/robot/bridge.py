@@ -18,7 +18,8 @@ from urbihw.client.aio import AsyncRobot
 from urbihw.client.errors import ClientError
 from urbihw.daemon.control_client import ControlledWorker, NoWorker
 from urbihw.repeats import LimitedLog
-from urbihw.ros.errors import MessageError, NoMaster, RosError
+from urbihw.ros.errors import MessageError, RosError, RosNameTaken
+from urbihw.ros.names import checked_name
 from urbihw.ros.node import RosNode
 from urbihw.ros.robot import readings
 from urbihw.ros.robot.feeds import RunningFeed, feeds_of
@@ -92,6 +93,9 @@ class RosRobot:
     """Serves one robot.  ``run`` runs until it is cancelled."""
 
     def __init__(self, settings: RosRobotSettings) -> None:
+        """Raises RosError for an invalid name of the node."""
+        if settings.node:
+            checked_name(settings.node)
         self._settings = settings
         self._worker = ControlledWorker(settings.control)
         self._moving = MovingPublishers(self._connect)
@@ -101,13 +105,17 @@ class RosRobot:
         self._log = LimitedLog(log)
 
     async def run(self) -> None:
-        """Serve, with a new connection after each loss of the server or of the master.  Raises RosError when another
-        node has taken the name."""
+        """Serve, with a new connection after each loss of the server, or of the master, or a refusal.
+
+        Raises RosNameTaken when another node has taken the name.
+        """
         pauses, said = BackOff(FIRST_PAUSE_S, MAX_PAUSE_S), ""
         while True:
             try:
                 await self._serve(pauses)
-            except (ClientError, NoMaster, OSError) as error:
+            except RosNameTaken:
+                raise
+            except (ClientError, RosError, OSError) as error:
                 if str(error) != said:
                     said = str(error)
                     log.warning("%s; trying again", said)
@@ -152,7 +160,7 @@ class RosRobot:
         try:
             await asyncio.wait([*tasks, self._ended], return_when=asyncio.FIRST_COMPLETED)
             if self._ended.done():
-                raise RosError(f"the node was ended: {self._ended.result()}")
+                raise RosNameTaken(f"the node was ended: {self._ended.result()}")
             for task in tasks:
                 if task.done():
                     task.result()
