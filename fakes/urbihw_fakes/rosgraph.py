@@ -239,6 +239,10 @@ class RosNodeFake:
         self.replies: list[bytes] = []
         """What a service sends, without a length, to one request after the other."""
         self.requests: list[bytes] = []
+        self.place: tuple[str, int] | None = None
+        """The address that subscribers get; None for the address of this node."""
+        self.asked = 0
+        """How often a subscriber has asked for the address."""
         self._master = ServerProxy(master.uri)
         self._listener = socket.create_server(("127.0.0.1", 0))
         self._port: int = self._listener.getsockname()[1]
@@ -296,7 +300,8 @@ class RosNodeFake:
             each.close()
 
     def _request_topic(self, node: str, topic: str, protocols: list[Any]) -> list[Any]:
-        return [1, "", ["TCPROS", "127.0.0.1", self._port]]
+        self.asked += 1
+        return [1, "", ["TCPROS", *(self.place or ("127.0.0.1", self._port))]]
 
     def _accept(self) -> None:
         with contextlib.suppress(OSError):

@@ -103,6 +103,9 @@ WRONG: list[tuple[str, Any, str]] = [
     ("std_msgs/Int64", {"data": float("inf")}, "data must be a whole number"),
     ("std_msgs/Bool", {"data": "yes"}, "data must be true or false, not 'yes'"),
     ("std_msgs/Float32", {"data": True}, "data must be a number, not True"),
+    ("std_msgs/Float32", {"data": 1e300}, r"data must be in \[-3.40282e\+38, 3.40282e\+38\], not 1e\+300"),
+    ("std_msgs/Float64", {"data": 10**400}, "data is too large: 1000"),
+    ("std_msgs/Float32MultiArray", {"layout": {"dim": [], "data_offset": 0}, "data": [-1e39]}, r"data\[0\] must be in"),
     ("std_msgs/Time", {"data": {"secs": -1, "nsecs": 0}}, r"data.secs must be in \[0, 4294967295\]"),
     ("geometry_msgs/Twist", {"linear": {"x": 1, "y": 2}, "angular": {}}, "missing field: linear.z"),
     ("geometry_msgs/Polygon", {"points": [{"x": 1, "y": 2, "z": "up"}]}, r"points\[0\].z must be a number"),
@@ -127,6 +130,10 @@ def test_array_of_fixed_size(types: MessageTypes) -> None:
 def test_wrong_bytes_are_no_message(types: MessageTypes, data: str) -> None:
     with pytest.raises(MessageError, match="bytes that are no std_msgs/String"):
         types.find("std_msgs/String").decode(bytes.fromhex(data))
+
+
+def test_infinite_float_is_one(types: MessageTypes) -> None:
+    assert types.find("std_msgs/Float32").encode({"data": float("inf")}) == struct.pack("<f", float("inf"))
 
 
 def test_huge_count_takes_no_memory(types: MessageTypes) -> None:
@@ -162,6 +169,14 @@ def test_type_is_learnt_from_its_definition(types: MessageTypes) -> None:
         ("hostile/C c\n", "lacks hostile/C"),
         ("string a\n" + "=" * 80 + "\nMSG: ../../etc\nstring b\n", "is no type"),
         ("$$ = what", "cannot be read"),
+        ("uint8[150000000] a\n", "more than 20000 values"),
+        ("string[100000000] a\n", "more than 20000 values"),
+        ("std_msgs/Empty[100000000] a\n", "more than 20000 values"),
+        ("hostile/B[200] b\n" + "=" * 80 + "\nMSG: hostile/B\nfloat32[200] a\n", "more than 20000 values"),
+        ("std_msgs/Empty[] a\n", "list of messages without bytes"),
+        ("\n".join(["hostile/D0 d", *("=" * 80 + f"\nMSG: hostile/D{i}\nhostile/D{i + 1} a\nhostile/D{i + 1} b"
+                                     for i in range(31))]) + "\n" + "=" * 80 + "\nMSG: hostile/D31\nbool a\n",
+         "nests more than 32 deep|more than 20000 values"),
     ],
 )
 def test_hostile_definition_is_refused(types: MessageTypes, definition: str, why: str) -> None:

@@ -10,8 +10,12 @@ from typing import Any
 import pytest
 
 from urbihw.client.errors import ClientError
+from urbihw.ros.errors import PeerError
+from urbihw.ros.messages import MessageTypes
 from urbihw.ros.robot import motion
+from urbihw.ros.robot.bridge import RosRobot, RosRobotSettings, RosStop
 from urbihw.ros.robot.motion import MAX_PUBLISHERS, MovingPublishers
+from urbihw.ros.robot.parts import RosParts
 from urbihw.ros.subscriptions import RosSubscription
 
 DRIVEN = "false|false|10.0|0.2|0.3|1.0|2.0|0.5"
@@ -193,6 +197,42 @@ class OldStream:
         pass
 
 
+class Follower:
+    """A subscription whose publisher is ``streams``, one connection after the other; None for one that fails."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, latching: str, streams: list[OldStream | None]) -> None:
+        self.got: list[bytes] = []
+        self.old: list[bytes] = []
+        self.gone: list[str] = []
+        self._latching, self._streams = latching, streams
+        monkeypatch.setattr("urbihw.ros.subscriptions._greeted", self._greeted)
+        monkeypatch.setattr("urbihw.ros.subscriptions.FIRST_PAUSE_S", 0.001)
+
+    async def _greeted(self, *_: Any) -> tuple[Any, dict[str, str]]:
+        if not self._streams:
+            await asyncio.sleep(100)
+        stream = self._streams.pop(0)
+        if stream is None:
+            raise PeerError("not yet")
+        return stream, {"callerid": "/a", "latching": self._latching}
+
+    def run(self, old: bool, ends: int = 1) -> None:
+        """Follow until so many connections have ended."""
+
+        async def scene() -> None:
+            kind: Any = type("Kind", (), {"name": "k/K", "md5": "*"})()
+            made = RosSubscription("/t", kind, "/us", lambda data, who: self.got.append(data), self.gone.append,
+                                   lambda data, who: self.old.append(data))
+            made.follow(["http://x:1"], old)
+            async with asyncio.timeout(5):
+                while len(self.gone) < ends:
+                    await asyncio.sleep(0.001)
+            await made.close()
+
+        asyncio.run(scene())
+        assert self.gone[0] == "/a"
+
+
 @pytest.mark.parametrize(("old", "latching", "wanted"), [
     (True, "1", [b"new"]), (True, "0", [b"old", b"new"]), (False, "1", [b"old", b"new"]),
 ])  # fmt: skip
@@ -200,22 +240,78 @@ def test_old_order_is_not_carried_out(
     monkeypatch: pytest.MonkeyPatch, old: bool, latching: str, wanted: list[bytes]
 ) -> None:
     """A robot that comes back does not do what was latched before it came."""
-    got: list[bytes] = []
-    gone: list[str] = []
+    follower = Follower(monkeypatch, latching, [OldStream()])
+    follower.run(old)
+    assert follower.got == wanted
+    assert follower.old == [b"old"][: 2 - len(wanted)]
 
-    async def greeted(*_: Any) -> tuple[Any, dict[str, str]]:
-        return OldStream(), {"callerid": "/a", "latching": latching}
 
-    async def run() -> None:
-        monkeypatch.setattr("urbihw.ros.subscriptions._greeted", greeted)
-        kind: Any = type("Kind", (), {"name": "k/K", "md5": "*"})()
-        made = RosSubscription("/t", kind, "/us", lambda data, who: got.append(data), gone.append, True)
-        made.follow(["http://x:1"], old)
-        async with asyncio.timeout(5):
-            while not gone:
-                await asyncio.sleep(0.001)
-        await made.close()
+def test_first_order_after_a_failed_attempt_is_new(monkeypatch: pytest.MonkeyPatch) -> None:
+    follower = Follower(monkeypatch, "1", [None, OldStream(), OldStream()])
+    follower.run(old=False, ends=2)
+    assert follower.got == [b"old", b"new", b"new"] and follower.old == [b"old"]
 
-    asyncio.run(run())
-    assert got[: len(wanted)] == wanted
-    assert gone[0] == "/a"
+
+def test_first_order_of_a_publisher_that_had_latched_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("urbihw.ros.subscriptions.OLD_S", 0.0)
+    follower = Follower(monkeypatch, "1", [OldStream()])
+    follower.run(old=True)
+    assert follower.got == [b"old", b"new"] and follower.old == []
+
+
+class HeldWorker:
+    """A control socket that answers when it is let."""
+
+    def __init__(self) -> None:
+        self.asked: list[str] = []
+        self.free = asyncio.Event()
+
+    async def ask(self, verb: str, who: str) -> None:
+        self.asked.append(verb)
+        await self.free.wait()
+
+
+@pytest.mark.parametrize(("said", "wanted"), [
+    ([True], ["estop"]), ([False], ["release"]),
+    ([True, False] * 500, ["estop", "estop", "release"]),
+    ([False, True] * 500, ["release", "estop"]),
+])  # fmt: skip
+def test_stops_of_a_flood_are_one_order_at_a_time(said: list[bool], wanted: list[str]) -> None:
+    async def scene() -> None:
+        worker: Any = HeldWorker()
+        stop = RosStop(worker)
+        for number, held in enumerate(said):
+            stop.hold("/button", held)
+            if number == 0:
+                await asyncio.sleep(0)
+        assert worker.asked == wanted[:1]
+        worker.free.set()
+        for _ in range(10):
+            await asyncio.sleep(0)
+        assert worker.asked == wanted
+        stop.hold("/button", True)
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)
+        assert worker.asked == [*wanted, "estop"]
+
+    asyncio.run(scene())
+
+
+@pytest.mark.parametrize(("latched", "wanted"), [(b"\1", [True]), (b"\0", [])])
+def test_latched_stop_is_never_too_old(latched: bytes, wanted: list[bool]) -> None:
+    """Of what a button had latched before the node came, a stop is taken, and a release is not."""
+    taken: list[bool] = []
+
+    class Node:
+        async def subscribe(self, topic: str, kind: str, receive: Any, gone: Any, receive_old: Any) -> Any:
+            self.receive_old = receive_old
+            return type("Found", (), {"kind": MessageTypes().find(kind)})()
+
+    async def scene() -> None:
+        robot, node = RosRobot(RosRobotSettings("127.0.0.1", 1, None)), Node()
+        robot._stop = type("Stop", (), {"hold": lambda self, who, held: taken.append(held)})()
+        await robot._listen(node, RosParts("r", (), False, (), (), (), "", "", ""))  # type: ignore[arg-type]
+        node.receive_old(latched, "/button")
+
+    asyncio.run(scene())
+    assert taken == wanted

@@ -13,7 +13,9 @@ import pytest
 from urbihw.ros.errors import NoMaster, PeerError, RosError
 from urbihw.ros.messages import MessageTypes
 from urbihw.ros.node import RosNode
+from urbihw.ros.orders import WINDOW, packed
 from urbihw.ros.publications import MAX_UNREAD_BYTES
+from urbihw.ros.worker import FollowedTopic
 from urbihw_fakes.rosgraph import RosMasterFake, RosNodeFake
 
 STRING = "std_msgs/String"
@@ -217,6 +219,86 @@ def test_service_of_ours(types: MessageTypes, master: RosMasterFake, other: RosN
         assert "service /switch has type std_srvs/SetBool" in refused["error"]
 
     play(types, master, scene)
+
+
+@pytest.mark.parametrize("told", [3, "no", [], [1, 2, 3], [[["/a"]], [], []]])
+def test_odd_answer_of_a_master(
+    types: MessageTypes, master: RosMasterFake, monkeypatch: pytest.MonkeyPatch, told: Any
+) -> None:
+    """It is an error of ROS, whose text the program gets."""
+    monkeypatch.setattr(master, "api_getSystemState", lambda node: [1, "", told])
+    monkeypatch.setattr(master, "api_getTopicTypes", lambda node: [1, "", [told]])
+
+    async def scene(trial: Trial) -> None:
+        with pytest.raises(PeerError, match="an answer of another form"):
+            await trial.node.state()
+        if told != [1, 2, 3]:
+            with pytest.raises((PeerError, RosError)):
+                await trial.node.subscribe("/a", "", trial.receive)
+
+    play(types, master, scene)
+
+
+def test_service_that_is_withdrawn_sends_its_callers_away(
+    types: MessageTypes, master: RosMasterFake, other: RosNodeFake
+) -> None:
+    asked = asyncio.Event()
+
+    async def answer(request: dict[str, Any]) -> dict[str, Any]:
+        asked.set()
+        await asyncio.sleep(100)
+        return {}
+
+    async def scene(trial: Trial) -> None:
+        await trial.node.offer("/mute", "std_srvs/SetBool", answer)
+        link, _ = await trial.thread(lambda: other.call("/mute", md5sum=SET_BOOL_MD5, persistent="1"))
+        link.send_message(b"\x01")
+        await asked.wait()
+        await trial.node.withdraw("/mute")
+        assert await trial.thread(link.receive, 1) == b""
+
+    play(types, master, scene)
+
+
+@pytest.mark.parametrize(("host", "port"), [("127.0.0.1", 70000), ("a" * 70 + ".b", 1), ("..", 1)])
+def test_address_of_a_publisher_that_is_none(
+    types: MessageTypes, master: RosMasterFake, other: RosNodeFake, monkeypatch: pytest.MonkeyPatch, host: str,
+    port: int,
+) -> None:  # fmt: skip
+    """It is tried again, and followed when it tells another address."""
+    monkeypatch.setattr("urbihw.ros.subscriptions.FIRST_PAUSE_S", 0.01)
+    other.place = host, port
+    other.publish("/chatter", STRING, MD5)
+
+    async def scene(trial: Trial) -> None:
+        await trial.node.subscribe("/chatter", STRING, trial.receive)
+        while other.asked < 2:
+            await asyncio.sleep(0.01)
+        other.place = None
+        (await trial.thread(other.subscriber)).send_message(HI)
+        assert await trial.got.get() == (HI, "/other")
+
+    play(types, master, scene)
+
+
+def test_message_that_is_too_large_for_urbiscript_is_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("urbihw.ros.orders.MAX_PICKLE_BYTES", 1000)
+    said: list[Any] = []
+
+    def say(what: Any) -> None:
+        packed(what)
+        said.append(what)
+
+    async def scene() -> None:
+        topic = FollowedTopic(say, "/map")
+        topic.subscription = type("Found", (), {"kind": type("Kind", (), {"decode": lambda self, data: data})()})()
+        for _ in range(3 * WINDOW):
+            topic.receive(bytes(2000), "/a")
+        assert said == []
+        topic.receive(b"small", "/a")
+        assert [(each.message, each.missed) for each in said] == [(b"small", 3 * WINDOW)]
+
+    asyncio.run(scene())
 
 
 def test_master_that_is_started_anew(

@@ -5,6 +5,7 @@ All scenes share one process, since its start takes half a second.
 
 from __future__ import annotations
 
+import pickle
 import re
 import struct
 import threading
@@ -17,9 +18,11 @@ import pytest
 from urbihw.kernel import Kernel
 from urbihw.kernel.lobby.lobby import Lobby
 from urbihw.robot import ROBOT_LIBRARY
-from urbihw.ros.orders import WINDOW, TopicMessage
+from urbihw.ros.orders import WINDOW, Order, TopicMessage
 from urbihw.ros.script import ROS_LIBRARY
 from urbihw.ros.script.link import ros_link
+from urbihw.ros.script.ros import offers_of
+from urbihw.ros.script.topic import MAX_TOPICS
 from urbihw_fakes.rosgraph import RosMasterFake, RosNodeFake
 
 MD5 = "992ce8a1687cec8c8bd883ec73ca41d1"
@@ -213,11 +216,39 @@ def test_function_as_a_service(stage: Stage, other: RosNodeFake) -> None:
     ]  # fmt: skip
 
 
+def test_answer_that_is_too_large_is_refused(
+    stage: Stage, other: RosNodeFake, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stage.say("""Ros.offer("/long", "std_srvs/SetBool", function (r)
+        { ["success" => true, "message" => "a" * 2000] })""")
+    monkeypatch.setattr("urbihw.ros.orders.MAX_PICKLE_BYTES", 1000)
+    call = in_thread(stage, lambda: other.call("/long", md5sum=SET_BOOL_MD5, persistent="1")[0])
+    call.send_message(b"\0")
+    assert b"is too large for urbiscript" in in_thread(stage, call.receive, 60)
+    # A listener that has gone: the caller is not left to wait.
+    ros_link(stage.kernel.world).forget(offers_of(stage.kernel.world)["/long"].handle)
+    call.close()
+    call = in_thread(stage, lambda: other.call("/long", md5sum=SET_BOOL_MD5, persistent="1")[0])
+    call.send_message(b"\0")
+    assert in_thread(stage, call.receive, 26)[5:] == b"the service has ended"
+    stage.say('Ros.withdraw("/long")')
+    assert in_thread(stage, call.receive, 1) == b""
+
+
 def test_parameters(stage: Stage) -> None:
     assert stage.say("""Ros.setParam("/p", [1, 2.5, "a", ["k" => true]]); Ros.getParam("/p"); Ros.hasParam("/p");
         Ros.params; Ros.deleteParam("/p"); Ros.getParam("/p")""") == [
         '[1, 2.5, "a", ["k" => true]]', "true", '["/p"]', "!!! getParam: Parameter [/p] is not set",
     ]  # fmt: skip
+
+
+def test_topic_that_cannot_be_had_takes_no_place(stage: Stage) -> None:
+    window = stage.open()
+    (whys,) = stage.say(f"""var whys = []|; for (var i: {MAX_TOPICS + 3}) try
+        {{ var t = Ros.Topic.new("/nowhere")|; if (i % 2) t.subscribe else t.advertise("no_msgs/No") }}
+        catch (var e) {{ if (!whys.has(e.message)) whys << e.message }}; whys""", window)
+    assert whys.count('", "') == 1 and "/nowhere is not known" in whys and "type no_msgs/No is not known" in whys
+    window.close()
 
 
 def test_topic_ends_with_its_connection(stage: Stage, other: RosNodeFake) -> None:
@@ -266,3 +297,27 @@ def test_process_that_is_killed_is_started_again(stage: Stage, caplog: pytest.Lo
     link._channel.abort()
     stage.until(lambda: "the ROS process has ended" in caplog.text)
     assert stage.say('lost << ["data" => "a"]; Ros.checkMaster') == ["!!! <<: /lost: not advertised", "true"]
+
+
+def test_process_that_says_nonsense_is_started_again(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """The kernel goes on whatever the process says, and a process that hears nothing any more is ended."""
+    link = ros_link(stage.kernel.world)
+    assert stage.say("Ros.checkMaster") == ["true"]
+    with monkeypatch.context() as patch:
+        patch.setattr("urbihw.ros.orders.MAX_PICKLE_BYTES", 2)
+        link._channel.send(packed_check())  # type: ignore[union-attr]
+        stage.until(lambda: "says what cannot be handled" in caplog.text)
+    assert stage.say("Ros.checkMaster") == ["true"]
+    with monkeypatch.context() as patch:
+        patch.setattr("urbihw.ros.script.link.MAX_STUCK_BYTES", -1)
+        link.tell("taken", "/none")
+    assert "does not keep up" in caplog.text
+    assert stage.say("Ros.checkMaster") == ["true"]
+
+
+def packed_check() -> bytes:
+    """An order whose answer nobody waits for."""
+    data = pickle.dumps(Order(1, "check", ()))
+    return struct.pack("<I", len(data)) + data

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from urbihw.cli.console import address
 from urbihw.cli.options import DEFAULT_PORT, CliRefused, complain
 from urbihw.client.where import is_loopback
+from urbihw.daemon.kept_work import run_until_told
 from urbihw.daemon.runtime import control_sockets
 from urbihw.exitcodes import EX_CONFIG, EX_OK
 from urbihw.extras import install_command
@@ -28,7 +29,7 @@ def options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("server", nargs="?", type=address, default=(None, DEFAULT_PORT), metavar="HOST:PORT",
                         help=f"address of the server, or path of its UNIX socket (this machine, {DEFAULT_PORT})")
     parser.add_argument("--control", type=Path, metavar="PATH",
-                        help="control socket of the robot (default: by the port)")
+                        help="control socket of the robot (default: by the port, none for a path)")
     parser.add_argument("--node", default="", metavar="NAME", help="name of the node (urbihw_ and that of the robot)")
     parser.add_argument("--child", action="store_true",
                         help="end when standard input ends, for a program that starts this")
@@ -39,9 +40,12 @@ def run(options: argparse.Namespace) -> int:
     logging.basicConfig(format="urbihw: ros: %(message)s", level=logging.INFO)
     try:
         from urbihw.ros.errors import RosError
-        from urbihw.ros.robot.serving import serve
+        from urbihw.ros.robot.bridge import RosRobot
 
-        asyncio.run(serve(_settings(options), ends_with_input=options.child))
+        async def serve() -> None:
+            await run_until_told(RosRobot(_settings(options)).run(), ends_with_input=options.child)
+
+        asyncio.run(serve())
     except ImportError as error:
         if (error.name or "").partition(".")[0] != "rosbags":
             raise
@@ -56,6 +60,7 @@ def _settings(options: argparse.Namespace) -> RosRobotSettings:
 
     host, port = options.server
     control = options.control
-    if control is None and (host is None or "/" in host or is_loopback(host)):
+    # A path tells no port, and a daemon gives the socket of its robot if there is one: another one is not ours to stop.
+    if control is None and not options.child and (host is None or is_loopback(host)):
         control = next((path for path in control_sockets() if path.stem.endswith(f"-{port}")), None)
     return RosRobotSettings(host or "127.0.0.1", port, control, options.node)

@@ -15,5 +15,9 @@ class PeerError(RosError):
     """Another node has said something wrong, or has refused us."""
 
 
+class RosNameTaken(RosError):
+    """Another node has taken the name of this one: it is of no use to try again."""
+
+
 class MessageError(RosError):
     """A message that does not have the form of its type; the text names the field."""

@@ -39,12 +39,12 @@ class RosMaster:
     async def state(self) -> GraphState:
         """The graph as it is now."""
         rows = [_named(part) for part in _checked(await self.ask("getSystemState"), 3)]
-        types = {str(row[0]): str(row[1]) for row in _checked(await self.ask("getTopicTypes"))}
-        return GraphState(rows[0], rows[1], rows[2], types)
+        types = dict(_pairs(await self.ask("getTopicTypes")))
+        return GraphState(rows[0], rows[1], rows[2], {name: str(kind) for name, kind in types.items()})
 
     async def topic_type(self, topic: str) -> str:
         """The type of a topic, "" if it is not known."""
-        for name, kind in _checked(await self.ask("getTopicTypes")):
+        for name, kind in _pairs(await self.ask("getTopicTypes")):
             if name == topic and kind != "*":
                 return str(kind)
         return ""
@@ -66,4 +66,13 @@ def _checked(rows: Any, size: int | None = None) -> list[Any]:
 
 
 def _named(rows: Any) -> dict[str, list[str]]:
-    return {str(name): [str(each) for each in nodes] for name, nodes in _checked(rows)}
+    return {name: names_in(nodes) for name, nodes in _pairs(rows)}
+
+
+def _pairs(rows: Any) -> list[tuple[str, Any]]:
+    return [(str(name), value) for name, value in (_checked(row, 2)[:2] for row in _checked(rows))]
+
+
+def names_in(rows: Any) -> list[str]:
+    """The texts of a list that was told.  Raises PeerError for another value."""
+    return [str(each) for each in _checked(rows)]

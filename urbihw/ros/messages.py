@@ -15,11 +15,12 @@ from typing import Any, Final
 
 from urbihw.ros.definitions import NAME, find_definition
 from urbihw.ros.errors import MessageError, RosError
+from urbihw.ros.framing import MAX_FRAME_BYTES
+from urbihw.ros.sizes import MAX_DEPTH, NO_FIELD, TypeSizes
 
-MAX_DEPTH: Final = 32
-"""Maximum depth of messages in messages; ROS forbids those that contain themselves."""
 MAX_TYPES: Final = 2000
 """Maximum number of types that peers and files may add."""
+MAX_FLOAT32: Final = 3.4028234663852886e38
 _RANGES: Final = {
     "int8": (-(2**7), 2**7 - 1), "uint8": (0, 2**8 - 1), "byte": (-(2**7), 2**7 - 1), "char": (0, 2**8 - 1),
     "int16": (-(2**15), 2**15 - 1), "uint16": (0, 2**16 - 1), "int32": (-(2**31), 2**31 - 1), "uint32": (0, 2**32 - 1),
@@ -28,8 +29,6 @@ _RANGES: Final = {
 _BYTES: Final = ("uint8", "char", "octet")
 _TIMES: Final = {"builtin_interfaces/msg/Time": "uint32", "builtin_interfaces/msg/Duration": "int32"}
 _SEPARATOR: Final = re.compile(r"^={80}$", re.MULTILINE)
-_EMPTY: Final = "structure_needs_at_least_one_member"
-"""The field that the library adds to a message without fields; it is not sent."""
 
 
 class MessageType:
@@ -82,6 +81,7 @@ class MessageTypes:
         from rosbags.typesys import Stores, get_typestore
 
         self.store: Any = get_typestore(Stores.ROS1_NOETIC)
+        self.store.max_sequence_length = MAX_FRAME_BYTES
         self._known: dict[str, MessageType] = {}
         self._added = 0
 
@@ -143,7 +143,7 @@ class MessageTypes:
         parsed = self._parsed(name, text)
         for inner in _types_in(parsed[inner_name(name)][1]):
             self._define(inner.replace("/msg/", "/"), depth + 1)
-        self._add(parsed)
+        self._add(name, parsed)
 
     def _learn(self, name: str, definition: str) -> None:
         """Add a type from the text that a publisher sends, with the types in it that are new."""
@@ -158,8 +158,7 @@ class MessageTypes:
                 raise RosError(f"the definition of {name} contains {each[:80]!r}, which is no type")
             if inner_name(each) not in self.store.fielddefs:
                 parsed.update(self._parsed(each, text))
-        _check_nesting(name, {key: _types_in(row[1]) for key, row in parsed.items()}, self.store.fielddefs)
-        self._add(parsed)
+        self._add(name, parsed)
 
     def _parsed(self, name: str, text: str) -> dict[str, Any]:
         from rosbags.typesys import get_types_from_msg
@@ -169,7 +168,9 @@ class MessageTypes:
         except Exception as error:  # those of the library's parser have no common class
             raise RosError(f"the definition of {name} cannot be read: {error}".splitlines()[0]) from error
 
-    def _add(self, parsed: dict[str, Any]) -> None:
+    def _add(self, name: str, parsed: dict[str, Any]) -> None:
+        """Add types, of which one contains the others.  Raises RosError before memory is taken for a huge one."""
+        TypeSizes(name, {**self.store.fielddefs, **parsed}).of(inner_name(name), ())
         self._added += len(parsed)
         if self._added > MAX_TYPES:
             raise RosError(f"more than {MAX_TYPES} new types: restart to forget them")
@@ -192,7 +193,7 @@ class MessageTypes:
 
     def fields_of(self, inner: str) -> list[tuple[str, Any]]:
         """The fields of a type, with the library's description of each."""
-        return [(name, kind) for name, kind in self.store.fielddefs[inner][1] if name != _EMPTY]
+        return [(name, kind) for name, kind in self.store.fielddefs[inner][1] if name != NO_FIELD]
 
     def default_of(self, inner: str) -> Any:
         """A message of default values."""
@@ -287,20 +288,6 @@ def _types_in(fields: Any) -> list[str]:
     return found
 
 
-def _check_nesting(name: str, new: dict[str, list[str]], known: Any) -> None:
-    """Refuse a type that contains itself or an unknown one, however deep."""
-
-    def depth(each: str, above: tuple[str, ...]) -> None:
-        if each in above or len(above) > MAX_DEPTH:
-            raise RosError(f"type {name} contains itself, or nests more than {MAX_DEPTH} deep")
-        if each not in new and each not in known:
-            raise RosError(f"the definition of {name} lacks {each.replace('/msg/', '/')}")
-        for inner in new.get(each, ()):
-            depth(inner, (*above, each))
-
-    depth(inner_name(name), ())
-
-
 def _check_keys(value: Mapping[str, Any], names: Any, place: str) -> None:
     before = f"{place}." if place else ""
     missing = [name for name in names if name not in value]
@@ -331,14 +318,21 @@ def _base(kind: str, value: Any, place: str) -> Any:
             raise MessageError(f"{place} must be true or false, not {_shown(value)}")
         return bool(value)
     if kind.startswith("float"):
-        return _number(value, place)
+        return _number(value, place, MAX_FLOAT32 if kind == "float32" else math.inf)
     return _integer(value, kind, place)
 
 
-def _number(value: Any, place: str) -> float:
+def _number(value: Any, place: str, limit: float = math.inf) -> float:
+    """A number of at most this size, or an infinite one."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise MessageError(f"{place} must be a number, not {_shown(value)}")
-    return float(value)
+    try:
+        number = float(value)
+    except OverflowError as error:
+        raise MessageError(f"{place} is too large: {_shown(value)}") from error
+    if math.isfinite(number) and abs(number) > limit:
+        raise MessageError(f"{place} must be in [{-limit:g}, {limit:g}], not {_shown(value)}")
+    return number
 
 
 def _integer(value: Any, kind: str, place: str) -> int:

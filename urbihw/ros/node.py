@@ -16,7 +16,7 @@ from urbihw.repeats import LimitedLog
 from urbihw.ros import services
 from urbihw.ros.errors import NoMaster, PeerError, RosError
 from urbihw.ros.framing import encode_header
-from urbihw.ros.master import GraphState, RosMaster
+from urbihw.ros.master import GraphState, RosMaster, names_in
 from urbihw.ros.messages import MessageType, MessageTypes
 from urbihw.ros.names import checked_name, own_address
 from urbihw.ros.publications import PeerNews, RosPublication
@@ -126,12 +126,13 @@ class RosNode:
             await self._withdraw("publish", found.topic)
 
     async def subscribe(
-        self, topic: str, kind: str, receive: Receiver, gone: GoneNews = lambda node: None, fresh_only: bool = False
-    ) -> RosSubscription:
+        self, topic: str, kind: str, receive: Receiver, gone: GoneNews = lambda node: None,
+        receive_old: Receiver | None = None,
+    ) -> RosSubscription:  # fmt: skip
         """Follow a topic; ``kind`` "" for the type that the master knows.  Raises RosError.
 
-        ``gone`` gets the name of a publisher whose connection has ended; with ``fresh_only``, what a publisher had
-        latched before this node came is dropped.
+        ``gone`` gets the name of a publisher whose connection has ended; ``receive_old`` gets what a publisher had
+        latched before this node came, in place of ``receive``.
         """
         topic = checked_name(topic)
         if topic in self._subscriptions:
@@ -141,12 +142,12 @@ class RosNode:
         if not kind:
             raise RosError(f"topic {topic} is not known: no node has told its type")
         known = await self._type_of_topic(topic, kind)
-        made = RosSubscription(topic, known, self.name, receive, gone, fresh_only)
+        made = RosSubscription(topic, known, self.name, receive, gone, receive_old)
         self._subscriptions[topic] = made
         try:
-            made.follow(await self._register("subscribe", topic, Registration(
+            made.follow(names_in(await self._register("subscribe", topic, Registration(
                 "registerSubscriber", (topic, kind, self._rpc.uri), "unregisterSubscriber", (topic, self._rpc.uri)
-            )), old=True)  # fmt: skip
+            ))), old=True)  # fmt: skip
         except BaseException:
             del self._subscriptions[topic]
             raise
@@ -216,6 +217,7 @@ class RosNode:
         """End a service of this node."""
         found = self._services.pop(checked_name(service), None)
         if found is not None:
+            found.close()
             await self._withdraw("offer", found.name)
 
     # ---------------------------------------------------------------- the master
@@ -259,7 +261,7 @@ class RosNode:
         for (what, name), each in [*self._registrations.items()]:
             answer = await self.master.ask(each.tell, *each.told)
             if what == "subscribe" and name in self._subscriptions:
-                self._subscriptions[name].follow(map(str, answer), old=True)
+                self._subscriptions[name].follow(names_in(answer), old=True)
 
     # ---------------------------------------------------------------- what others ask
 

@@ -11,12 +11,14 @@ import struct
 from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
+from urbihw.ros.errors import RosError
 from urbihw.ros.framing import MAX_FRAME_BYTES
 
 WINDOW: Final = 16
 """Messages of a topic that the kernel has got and not yet taken; later ones wait in the process, the newest of them."""
 _LENGTH: Final = struct.Struct("<I")
 MAX_PICKLE_BYTES: Final = 2 * MAX_FRAME_BYTES
+"""Maximum size of what is said; a list of numbers is up to nine times as large as in a message."""
 
 
 class Order(NamedTuple):
@@ -64,8 +66,10 @@ Said = Order | RosAnswer | TopicMessage | PeerChange | ServiceAsked
 
 
 def packed(said: Said) -> bytes:
-    """The frame of what one side says."""
+    """The frame of what one side says.  Raises RosError if the other side would not take it."""
     data = pickle.dumps(said, pickle.HIGHEST_PROTOCOL)
+    if len(data) > MAX_PICKLE_BYTES:
+        raise RosError(f"a message of {len(data)} bytes is too large for urbiscript: {MAX_PICKLE_BYTES} are taken")
     return _LENGTH.pack(len(data)) + data
 
 

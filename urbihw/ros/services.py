@@ -77,9 +77,24 @@ class OfferedService:
     def __init__(self, name: str, kind: ServiceType, answer: Answering) -> None:
         self.name, self.kind = name, kind
         self._answer = answer
+        self._serving: set[asyncio.Task[Any]] = set()
+
+    def close(self) -> None:
+        """Send away all callers, also those that wait for an answer."""
+        for task in self._serving:
+            task.cancel()
 
     async def serve(self, stream: RosStream, fields: Mapping[str, str], node: str) -> None:
         """Serve a caller until it goes.  Raises PeerError with the reason of a refusal."""
+        task = asyncio.current_task()
+        assert task is not None
+        self._serving.add(task)
+        try:
+            await self._serve(stream, fields, node)
+        finally:
+            self._serving.discard(task)
+
+    async def _serve(self, stream: RosStream, fields: Mapping[str, str], node: str) -> None:
         kind = self.kind
         if fields.get("md5sum") not in ("*", kind.md5):
             raise PeerError(f"service {self.name} has type {kind.name}, md5sum {kind.md5}, "
@@ -106,7 +121,11 @@ class OfferedService:
 
 
 async def _dial(uri: str) -> RosStream:
-    parts = urlsplit(uri)
-    if parts.scheme != "rosrpc" or not parts.hostname or not parts.port:
+    try:
+        parts = urlsplit(uri)
+        host, port = parts.hostname, parts.port
+    except ValueError:
+        host = port = None
+    if not uri.startswith("rosrpc://") or not host or not port:
         raise PeerError(f"{uri[:200]!r} is no address of a service: rosrpc://HOST:PORT is one")
-    return await connect(parts.hostname, parts.port)
+    return await connect(host, port)

@@ -74,5 +74,6 @@ async def connect(host: str, port: int) -> RosStream:
             return RosStream(*await asyncio.open_connection(host, port, limit=READ_AHEAD_BYTES))
     except TimeoutError as error:
         raise PeerError(f"{host}:{port} does not answer within {HANDSHAKE_TIMEOUT_S:g} s") from error
-    except OSError as error:
-        raise PeerError(f"{host}:{port}: {error.strerror or error}") from error
+    except (OSError, ValueError, OverflowError) as error:
+        # Names that cannot be encoded are a ValueError, ports above 65535 an OverflowError.
+        raise PeerError(f"{host[:200]}:{port}: {getattr(error, 'strerror', None) or error}") from error

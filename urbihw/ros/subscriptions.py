@@ -21,6 +21,8 @@ log = logging.getLogger("urbihw.ros")
 FIRST_PAUSE_S: Final = 0.2
 MAX_PAUSE_S: Final = 5.0
 MAX_PUBLISHERS: Final = 64
+OLD_S: Final = 0.5
+"""Seconds after the handshake in which a publisher sends what it has latched: the first message of that time is old."""
 Receiver = Callable[[bytes, str], None]
 """Gets the bytes of a message and the node that has sent it."""
 GoneNews = Callable[[str], None]
@@ -35,11 +37,12 @@ class RosSubscription:
     """
 
     def __init__(
-        self, topic: str, kind: MessageType, node: str, receive: Receiver, gone: GoneNews, fresh_only: bool
-    ) -> None:
-        """``fresh_only``: a latched message of a publisher that was there before is dropped, since it is old."""
+        self, topic: str, kind: MessageType, node: str, receive: Receiver, gone: GoneNews,
+        receive_old: Receiver | None = None,
+    ) -> None:  # fmt: skip
+        """``receive_old`` gets what a publisher had latched before it was met, in place of ``receive``."""
         self.topic, self.kind = topic, kind
-        self._receive, self._gone, self._fresh_only = receive, gone, fresh_only
+        self._receive, self._gone, self._receive_old = receive, gone, receive_old or receive
         self.publishers: dict[str, str] = {}
         self._node = node
         self._tasks: dict[str, asyncio.Task[None]] = {}
@@ -64,32 +67,43 @@ class RosSubscription:
         pauses = BackOff(FIRST_PAUSE_S, MAX_PAUSE_S)
         while True:
             try:
-                await self._receive_all(uri, pauses, old)
+                stream, fields = await self._open(uri)
+                pauses.reset()
+                latched = old and fields.get("latching") == "1"
+                # What it has sent last comes again with the next connection, if it is latched.
+                old = True
+                await self._receive_all(uri, stream, fields.get("callerid", "")[:256], latched)
             except RosError as error:
                 self._log.say(uri, "%s: publisher at %s: %s", self.topic, uri, error)
             except (OSError, EOFError) as error:
                 log.debug("%s: publisher at %s has gone: %s", self.topic, uri, error)
+            except Exception as error:  # the publisher must be tried again, whatever it has sent
+                self._log.say(uri, "our bug: %s: publisher at %s: %r", self.topic, uri, error)
             await asyncio.sleep(pauses.next_pause())
-            # What it has sent last comes again with the next connection, if it is latched.
-            old = True
 
-    async def _receive_all(self, uri: str, pauses: BackOff, old: bool) -> None:
+    async def _open(self, uri: str) -> tuple[RosStream, dict[str, str]]:
         kind = self.kind
         stream, fields = await _greeted(uri, self.topic, kind.name, kind.md5, self._node)
-        name = fields.get("callerid", "")[:256]
+        if fields.get("md5sum", kind.md5) not in ("*", kind.md5):
+            stream.close()
+            raise PeerError(f"md5 sum {fields['md5sum']}, not {kind.md5}: another version of {kind.name}")
+        return stream, fields
+
+    async def _receive_all(self, uri: str, stream: RosStream, name: str, latched: bool) -> None:
+        """Receive until the end; with ``latched``, what comes at once is old."""
+        self.publishers[uri] = name
         try:
-            if fields.get("md5sum", kind.md5) not in ("*", kind.md5):
-                raise PeerError(f"md5 sum {fields['md5sum']}, not {kind.md5}: another version of {kind.name}")
-            self.publishers[uri] = name
-            pauses.reset()
-            if old and self._fresh_only and fields.get("latching") == "1":
-                await stream.receive()
+            if latched:
+                met = asyncio.get_running_loop().time()
+                data = await stream.receive()
+                is_old = asyncio.get_running_loop().time() - met < OLD_S
+                (self._receive_old if is_old else self._receive)(data, name)
             while True:
                 self._receive(await stream.receive(), name)
         finally:
             stream.close()
-            if self.publishers.pop(uri, None) is not None:
-                self._gone(name)
+            del self.publishers[uri]
+            self._gone(name)
 
 
 async def definition_of(uri: str, topic: str, kind: str, node: str) -> tuple[str, str]:

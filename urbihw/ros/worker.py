@@ -18,7 +18,8 @@ from collections.abc import Awaitable, Callable, Mapping
 from functools import partial
 from typing import Any, Final
 
-from urbihw.ros.errors import MessageError, RosError
+from urbihw.repeats import LimitedLog
+from urbihw.ros.errors import RosError
 from urbihw.ros.names import checked_name, unique_name
 from urbihw.ros.node import RosNode
 from urbihw.ros.orders import (
@@ -52,6 +53,7 @@ class FollowedTopic:
         self._topic = topic
         self._waiting: deque[bytes] = deque(maxlen=WINDOW)
         self._free = WINDOW
+        self._log = LimitedLog(log)
         self._missed = 0
 
     def receive(self, data: bytes, publisher: str) -> None:
@@ -70,11 +72,12 @@ class FollowedTopic:
             data = self._waiting.popleft()
             try:
                 message = self.subscription.kind.decode(data)
-            except MessageError as error:
-                log.warning("%s: %s", self._topic, error)
+                self._say(TopicMessage(self._topic, (*self.handles,), message, self._missed))
+            except RosError as error:
+                self._log.say(self._topic, "%s: %s", self._topic, error, level=logging.WARNING)
+                self._missed += 1
                 continue
             self._free -= 1
-            self._say(TopicMessage(self._topic, (*self.handles,), message, self._missed))
             self._missed = 0
 
 
@@ -235,6 +238,7 @@ class RosWorker:
             self._say(RosAnswer(order.number, None, f"our bug: {type(error).__name__}: {error}"))
 
     def _say(self, said: Said) -> None:
+        """Tell the kernel.  Raises RosError for what is too large."""
         self._writer.write(packed(said))
 
     # ---------------------------------------------------------------- orders
@@ -276,8 +280,8 @@ class RosWorker:
         call = self._last_call
         answer: asyncio.Future[Mapping[str, Any]] = asyncio.get_running_loop().create_future()
         self._asked[call] = answer
-        self._say(ServiceAsked(handle, call, request))
         try:
+            self._say(ServiceAsked(handle, call, request))
             return await answer
         finally:
             del self._asked[call]

@@ -7,6 +7,7 @@ import getpass
 import logging
 import time
 from collections.abc import Callable, Coroutine
+from functools import partial
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -16,7 +17,9 @@ from urbihw.client import aio
 from urbihw.client.aio import AsyncRobot
 from urbihw.client.errors import ClientError
 from urbihw.daemon.control_client import ControlledWorker, NoWorker
-from urbihw.ros.errors import MessageError, NoMaster, RosError
+from urbihw.repeats import LimitedLog
+from urbihw.ros.errors import MessageError, RosError, RosNameTaken
+from urbihw.ros.names import checked_name
 from urbihw.ros.node import RosNode
 from urbihw.ros.robot import readings
 from urbihw.ros.robot.feeds import RunningFeed, feeds_of
@@ -32,6 +35,8 @@ FIRST_PAUSE_S: Final = 0.5
 MAX_PAUSE_S: Final = 5.0
 LEASE_S: Final = 1.0
 """Seconds of silence of this process after which the server stops what it has moved."""
+Taking = Callable[[str, dict[str, Any]], None]
+"""Takes the name of a node and its message."""
 _LEVELS: Final = {"ok": readings.OK, "warning": readings.WARN, "bad": readings.ERROR}
 
 
@@ -45,24 +50,72 @@ class RosRobotSettings(NamedTuple):
     node: str = ""
 
 
+def _drop(who: str, said: dict[str, Any]) -> None:
+    """Take a message that is too old."""
+
+
+class RosStop:
+    """The emergency stop of ROS at the control socket, which does not need the interpreter: one order at a time.
+
+    Orders that come meanwhile wait as two: the last release counts only if no stop came after it.  A stop that waits
+    goes before a release that waits, so that no flood and no order of arrival takes a stop away.
+    """
+
+    def __init__(self, worker: ControlledWorker) -> None:
+        self._worker = worker
+        self._waiting: dict[bool, str] = {}
+        self._task: asyncio.Task[None] | None = None
+        self._log = LimitedLog(log)
+
+    def hold(self, who: str, held: bool) -> None:
+        """A node presses the emergency stop (``held``), or releases it."""
+        if held:
+            self._waiting.pop(False, None)
+        self._waiting[held] = who
+        if self._task is None:
+            self._task = asyncio.get_running_loop().create_task(self._obey())
+            self._task.add_done_callback(self._end)
+
+    def _end(self, task: asyncio.Task[None]) -> None:
+        self._task = None
+
+    async def _obey(self) -> None:
+        while self._waiting:
+            held = True in self._waiting
+            who = self._waiting.pop(held)
+            try:
+                await self._worker.ask("estop" if held else "release", f"{getpass.getuser()} (ROS)")
+            except NoWorker as error:
+                self._log.say(who, "emergency stop of %s: %s", who, error, level=logging.ERROR)
+
+
 class RosRobot:
     """Serves one robot.  ``run`` runs until it is cancelled."""
 
     def __init__(self, settings: RosRobotSettings) -> None:
+        """Raises RosError for an invalid name of the node."""
+        if settings.node:
+            checked_name(settings.node)
         self._settings = settings
         self._worker = ControlledWorker(settings.control)
         self._moving = MovingPublishers(self._connect)
         self._ended: asyncio.Future[str] = asyncio.get_running_loop().create_future()
         self._tasks: set[asyncio.Task[None]] = set()
+        self._stop = RosStop(self._worker)
+        self._log = LimitedLog(log)
 
     async def run(self) -> None:
-        """Serve, with a new connection after each loss of the server or of the master.  Raises RosError when another
-        node has taken the name."""
+        """Serve, with a new connection after each loss of the server, or of the master, or a refusal.
+
+        Raises RosNameTaken when another node has taken the name.
+        """
         pauses, said = BackOff(FIRST_PAUSE_S, MAX_PAUSE_S), ""
         while True:
             try:
                 await self._serve(pauses)
-            except (ClientError, NoMaster, OSError) as error:
+            except RosNameTaken:
+                raise
+            except (ClientError, RosError, OSError) as error:
                 if str(error) != said:
                     said = str(error)
                     log.warning("%s; trying again", said)
@@ -107,7 +160,7 @@ class RosRobot:
         try:
             await asyncio.wait([*tasks, self._ended], return_when=asyncio.FIRST_COMPLETED)
             if self._ended.done():
-                raise RosError(f"the node was ended: {self._ended.result()}")
+                raise RosNameTaken(f"the node was ended: {self._ended.result()}")
             for task in tasks:
                 if task.done():
                     task.result()
@@ -126,38 +179,40 @@ class RosRobot:
 
     async def _listen(self, node: RosNode, parts: RosParts) -> None:
         """Subscribe to what moves the robot, and to the emergency stop."""
-        await self._follow(node, "/emergency_stop", "std_msgs/Bool",
-                           lambda who, said: self._begin(self._obey_stop(who, said["data"])))
+        await self._follow(node, "/emergency_stop", "std_msgs/Bool", self._obey_stop, self._obey_latched_stop)
         if parts.drives:
             await self._follow(node, "/cmd_vel", "geometry_msgs/Twist", self._moving.drive)
         if parts.joints:
             await self._follow(node, "/joint_trajectory", "trajectory_msgs/JointTrajectory",
                                lambda who, said: self._moving.follow(who, said, parts.joints))
 
-    async def _follow(self, node: RosNode, topic: str, kind: str, take: Callable[[str, dict[str, Any]], None]) -> None:
-        def receive(data: bytes, who: str) -> None:
+    def _obey_stop(self, who: str, said: dict[str, Any]) -> None:
+        self._stop.hold(who, said["data"])
+
+    def _obey_latched_stop(self, who: str, said: dict[str, Any]) -> None:
+        """A release that was latched before the node came is too old, like a motion; a stop counts at any age."""
+        if said["data"]:
+            self._stop.hold(who, True)
+
+    async def _follow(
+        self, node: RosNode, topic: str, kind: str, take: Taking, take_old: Taking = _drop
+    ) -> None:
+        def receive(take: Taking, data: bytes, who: str) -> None:
             try:
                 take(who, found.kind.decode(data))
             except MessageError as error:
-                log.warning("%s: %s: %s", topic, who, error)
+                self._log.say((topic, who), "%s: %s: %s", topic, who, error)
 
         def gone(who: str) -> None:
             self._begin(self._moving.gone(who))
 
-        found = await node.subscribe(topic, kind, receive, gone, fresh_only=True)
+        found = await node.subscribe(topic, kind, partial(receive, take), gone, partial(receive, take_old))
 
     def _begin(self, work: Coroutine[Any, Any, None]) -> None:
         """Do something without waiting for it."""
         task = asyncio.get_running_loop().create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
-
-    async def _obey_stop(self, who: str, held: bool) -> None:
-        """Press or release the emergency stop of ROS, which does not need the interpreter."""
-        try:
-            await self._worker.ask("estop" if held else "release", f"{getpass.getuser()} (ROS)")
-        except NoWorker as error:
-            log.error("emergency stop of %s: %s", who, error)
 
     # ---------------------------------------------------------------- diagnostics
 

@@ -18,12 +18,15 @@ from typing import Any, Final, Protocol
 
 from urbihw.extras import install_command
 from urbihw.kernel.library import Completion, SocketChannel, SocketStream, WaitQueue, World, errors, pipes_of
+from urbihw.ros.errors import RosError
 from urbihw.ros.orders import Order, OrderReader, PeerChange, RosAnswer, Said, ServiceAsked, TopicMessage, packed
 
 log = logging.getLogger("urbihw.ros")
 
 MAX_UNSENT_BYTES: Final = 64 << 20
 """Bytes that wait for the process, above which a call is refused."""
+MAX_STUCK_BYTES: Final = 4 * MAX_UNSENT_BYTES
+"""Bytes that wait for the process, above which it is ended."""
 
 
 class RosListener(Protocol):
@@ -73,9 +76,12 @@ class RosLink:
         self._ensure_process()
         number = self.new_handle()
         waiting: Completion[Any] = Completion(self._world.scheduler)
+        try:
+            self._send(Order(number, verb, arguments), MAX_UNSENT_BYTES)
+        except RosError as error:
+            raise errors.primitive(str(error)) from error
         self._answers[number] = waiting
         try:
-            self._send(Order(number, verb, arguments))
             return waiting.wait()
         finally:
             self._answers.pop(number, None)
@@ -83,9 +89,23 @@ class RosLink:
                 self.tell("cancel", number)
 
     def tell(self, verb: str, *arguments: Any) -> None:
-        """Send an order without waiting; without a process it is dropped."""
+        """Send an order without waiting; without a process it is dropped.
+
+        A process that does not keep up is ended: one that has missed an order would be out of step.
+        """
         if self._channel is not None and not self._channel.over:
-            self._send(Order(self.new_handle(), verb, arguments))
+            try:
+                self._send(Order(self.new_handle(), verb, arguments), MAX_STUCK_BYTES)
+            except RosError as error:
+                self._give_up(error)
+
+    def respond(self, call: int, response: Any, refusal: str = "") -> None:
+        """Answer a request to an offered service, or tell why there is no answer."""
+        try:
+            packed(Order(0, "respond", (call, response, refusal)))
+        except RosError as error:
+            response, refusal = {}, str(error)
+        self.tell("respond", call, response, refusal)
 
     def taken(self, said: TopicMessage) -> None:
         """One of the listeners has handled a message; one of a process that has ended does not count."""
@@ -99,10 +119,11 @@ class RosLink:
 
     # ---------------------------------------------------------------- the process
 
-    def _send(self, order: Order) -> None:
+    def _send(self, order: Order, limit: int) -> None:
+        """Raises RosError if more than ``limit`` bytes wait."""
         assert self._channel is not None
-        if self._channel.unsent > MAX_UNSENT_BYTES:
-            raise errors.primitive("the ROS process does not keep up")
+        if self._channel.unsent > limit:
+            raise RosError("the ROS process does not keep up")
         self._channel.send(packed(order))
 
     def _ensure_process(self) -> None:
@@ -137,19 +158,36 @@ class RosLink:
 
     def _read(self, channel: SocketChannel) -> None:
         """Handle what has come, and the end of the process."""
-        while data := channel.take_received():
-            channel.count_handled(len(data))
-            for said in self._reader.feed(data):
-                self._handle(said)
+        if channel is not self._channel:
+            return
+        try:
+            while data := channel.take_received():
+                channel.count_handled(len(data))
+                for said in self._reader.feed(data):
+                    self._handle(said)
+        except Exception as error:  # the kernel must go on
+            log.exception("our bug: the ROS process says what cannot be handled")
+            self._give_up(error)
         if channel.over and channel is self._channel:
-            self._channel = None
             log.warning("the ROS process has ended")
-            for answer in list(self._answers.values()):
-                answer.fail(errors.primitive("the ROS process has ended: see the log"))
-            for listener in list(self._listeners.values()):
-                listener.lose()
-            self._listeners.clear()
-            self._untaken.clear()
+            self._lose_process()
+
+    def _give_up(self, error: Exception) -> None:
+        """End a process that cannot be used any more."""
+        log.warning("the ROS process is ended: %s", error)
+        channel = self._channel
+        self._lose_process()
+        if channel is not None:
+            channel.abort()
+
+    def _lose_process(self) -> None:
+        self._channel = None
+        for answer in list(self._answers.values()):
+            answer.fail(errors.primitive("the ROS process has ended: see the log"))
+        for listener in list(self._listeners.values()):
+            listener.lose()
+        self._listeners.clear()
+        self._untaken.clear()
 
     def _handle(self, said: Said) -> None:
         if isinstance(said, RosAnswer):
@@ -169,6 +207,8 @@ class RosLink:
             listener_of = self._listeners.get(said.handle)
             if listener_of is not None:
                 listener_of.hear(self, said)
+            elif isinstance(said, ServiceAsked):
+                self.respond(said.call, {}, "the service has ended")
 
 
 def ros_link(world: World) -> RosLink:

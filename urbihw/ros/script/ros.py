@@ -157,9 +157,9 @@ class RosOffer:
 
         def over(_: Any) -> None:
             if answer.done:
-                link.tell("respond", said.call, answer.value, "")
+                link.respond(said.call, answer.value)
             else:
-                link.tell("respond", said.call, {}, "the function of the service has failed: urbihw tells why")
+                link.respond(said.call, {}, "the function of the service has failed: urbihw tells why")
 
         self._world.scheduler.spawn(work, f"ROS service {self.name}", context=self._owner).when_ended(over)
 

@@ -69,19 +69,16 @@ class RosTopicObject(Obj):
         self._holdings = holdings
         self._handle = self._handle or link.new_handle()
         link.listen(self._handle, self)
-        try:
-            self.template = link.ask(verb, self._handle, self.name, *arguments)[1]
-        except BaseException:
-            self._leave_if_unused()
-            raise
+        self.template = link.ask(verb, self._handle, self.name, *arguments)[1]
 
     def end(self, verb: str) -> None:
         """Unsubscribe or unadvertise: the job waits for it."""
         ros_link(self.world).ask(verb, self._handle, self.name)
-        self._leave_if_unused()
+        self.leave_if_unused()
 
-    def _leave_if_unused(self) -> None:
-        if not self.subscribed and not self.advertised:
+    def leave_if_unused(self) -> None:
+        """Free the place of a topic that is neither subscribed nor advertised."""
+        if not self.subscribed and not self.advertised and self._holdings is not None:
             ros_link(self.world).forget(self._handle)
             self._holdings.unregister(self)
 
@@ -185,6 +182,7 @@ def subscribe(world: World, this: RosTopicObject) -> None:
         this.begin("subscribe", "")
     except BaseException:
         this.subscribed = False
+        this.leave_if_unused()
         raise
 
 
@@ -210,6 +208,7 @@ def advertise(world: World, this: RosTopicObject, type: str = "", latch: bool = 
         this.begin("advertise", type, latch)
     except BaseException:
         this.advertised = False
+        this.leave_if_unused()
         raise
 
 
