@@ -6,10 +6,11 @@ import asyncio
 import json
 import time
 from collections.abc import Awaitable, Callable
+from functools import partial
 from typing import Any
 
 import pytest
-from fleet_lab import FleetLab, ask, fleet_lab, until
+from fleet_lab import FleetLab, PlayedRobot, ask, fleet_lab, until
 
 from urbihw.fleets import bridge
 from urbihw.fleets.bridge import NameTaken
@@ -131,7 +132,8 @@ def test_nobody_moves_a_robot_whose_settings_do_not_name_him() -> None:
             with pytest.raises(FleetError, match="^alice: thief may not drive: fleet_drive"):
                 await ask(work)
         assert lab.robots["alice"].connections == []
-        # To stop is everybody's right.
+        # To stop is everybody's right, and nothing goes before it.
+        thief.info = thief.hello = None  # type: ignore[method-assign,assignment]
         await ask(thief.call, "alice", "robot.stop")
         assert lab.robots["alice"].played.asked == [("stop", "thief (fleet)")]
 
@@ -174,6 +176,55 @@ def test_what_was_long_on_its_way_moves_nothing_and_is_no_sign_of_life() -> None
         fed = robot.connections[0].term.fed
         await asyncio.sleep(1.0)
         assert robot.connections[0].term.fed == fed
+
+    played(scene)
+
+
+def dials_again(robot: PlayedRobot, before: int) -> bool:
+    return robot.dialling > before
+
+
+def test_an_order_that_still_connects_ends_with_its_job_its_client_and_its_age() -> None:
+    async def scene(lab: FleetLab) -> None:
+        joined = await lab.join("alice", drive=("teacher",))
+        line, robot = await lab.line(), lab.robots["alice"]
+        for end in ("job", "client", "age"):
+            robot.dials.clear()
+            before, driven = robot.dialling, len(robot.connections)
+            call = {"function": "robot.go", "args": [1.0], "number": "7", "session": end, "timeout": 2.0}
+            call["made"] = time.monotonic()
+            asked = asyncio.create_task(asyncio.to_thread(line._order, "alice", "call", call, 1.0))
+            await until(partial(dials_again, robot, before))
+            if end == "job":
+                await ask(line._order, "alice", "cancel", {"number": "7", "session": end}, 1.0)
+            elif end == "client":
+                joined._lose_client(f"school/teacher/client/{end}")
+            else:
+                joined._drivers._clock = lambda: time.monotonic() + 3.0
+            robot.dials.set()
+            with pytest.raises(FleetError):
+                await asked
+            assert robot.did == []
+            assert (len(robot.connections) > driven) is (end == "age")
+
+    played(scene)
+
+
+def test_an_end_that_overtakes_its_order_ends_it() -> None:
+    async def scene(lab: FleetLab) -> None:
+        joined = await lab.join("alice", drive=("teacher",))
+        line, robot = await lab.line(), lab.robots["alice"]
+        made = time.monotonic()
+        call = {"function": "robot.go", "args": [1.0], "number": "7", "session": "a1", "made": made, "timeout": 1.0}
+        await ask(line._order, "alice", "cancel", {"number": "7", "session": "a1"}, 1.0)
+        joined._lose_client("school/teacher/client/b2")
+        for late in (call, call | {"session": "b2"}):
+            with pytest.raises(FleetError, match="has ended it"):
+                await ask(line._order, "alice", "call", late, 1.0)
+        assert robot.did == robot.connections == []
+        # Of a client that is back.
+        await ask(line._order, "alice", "call", call | {"session": "b2", "made": time.monotonic()}, 1.0)
+        assert robot.did == [("robot.go", (1.0,))]
 
     played(scene)
 
@@ -242,10 +293,15 @@ def test_a_program_uses_the_words_of_urbiscript() -> None:
             (refused,) = raised.value.exceptions
             assert str(refused).startswith("bob: teacher may not drive")
             assert next(school.watch("bob"))[0] == "bob"
+            # One that tells nothing of itself keeps no other.
+            lab.robots["alice"].info = None  # type: ignore[method-assign,assignment]
+            with pytest.raises(ExceptionGroup) as raised:
+                school.each(lambda robot: robot.robot.stop())
+            assert [str(each)[:6] for each in raised.value.exceptions] == ["alice:"]
 
         await ask(program)
         assert lab.robots["alice"].did == [{"wheel.speed": 0.25}, {"wheel.speed": 1.0}]
-        assert lab.robots["bob"].played.asked == [("stop", "teacher (fleet)")]
+        assert lab.robots["bob"].played.asked == 2 * [("stop", "teacher (fleet)")]
 
     played(scene)
 

@@ -187,6 +187,7 @@ class FleetBridge:
 
     def _lose_client(self, key: str) -> None:
         _, who, session = owner_in(key)
+        self._desk.end(who, session)
         self._spawn(self._drivers.end(who, session))
 
     def _meet_namesake(self, instance: str) -> None:

@@ -8,12 +8,12 @@ on its way.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import time
 from collections.abc import Awaitable, Callable, Collection
 from typing import Any, Final
 
 from urbihw.client.aio import AsyncRobot
-from urbihw.client.errors import ClientError
 from urbihw.client.literals import string_literal
 
 MOST_DRIVERS: Final = 16
@@ -23,6 +23,14 @@ IDLE_S: Final = 10.0
 
 class FleetRefusal(Exception):
     """What a far client asks for is not done; the message is one line that tells why."""
+
+
+def made_in(made: Any) -> float:
+    """The time at which an order was made, as it says.  Raises FleetRefusal."""
+    if not isinstance(made, bool) and isinstance(made, int | float):
+        with contextlib.suppress(OverflowError):
+            return float(made)
+    raise FleetRefusal("an order to move says when it was made: say hello first")
 
 
 class FarDriver:
@@ -87,9 +95,7 @@ class FarDrivers:
 
         The far client takes the time of an answer for the present, which makes an order older, never younger.
         """
-        if isinstance(made, bool) or not isinstance(made, int | float):
-            raise FleetRefusal("an order to move says when it was made: say hello first")
-        age = self._clock() - made
+        age = self._clock() - made_in(made)
         if not -self._dead_man <= age <= self._dead_man:
             raise FleetRefusal(f"the order was {age:.1f} s on its way: it is not carried out any more")
 
@@ -108,7 +114,7 @@ class FarDrivers:
             self._drivers[who, session] = made
             try:
                 await made.begin()
-            except ClientError:
+            except BaseException:  # also of an order that was cancelled
                 await self.end(who, session)
                 raise
             return made

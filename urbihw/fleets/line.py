@@ -26,6 +26,7 @@ from urbihw.fleets.names import (
     checked_endpoint,
     checked_fleet_name,
     fleet_name_of,
+    is_stop,
     owner_in,
 )
 
@@ -185,21 +186,28 @@ class FleetLine:
         """The value of any slot that may be read, now.  Raises FleetError."""
         return self._order(robot, "read", {"slot": path}, timeout)["value"]
 
-    def write(self, robot: str, slots: Mapping[str, float], timeout: float = ANSWER_TIMEOUT_S) -> dict[str, Any]:
+    def write(
+        self, robot: str, slots: Mapping[str, float], timeout: float = ANSWER_TIMEOUT_S, task: FleetTask | None = None
+    ) -> dict[str, Any]:
         """Write effectors of a robot that lets this one drive: ``applied`` after its limits.  Raises FleetError."""
-        told: dict[str, Any] = self._move(robot, "write", {"slots": dict(slots)}, timeout)["applied"]
+        task = task or FleetTask()
+        told: dict[str, Any] = self._move(robot, "write", {"slots": dict(slots)}, timeout, task)["applied"]
         return told
 
     def call(
-        self, robot: str, path: str, *args: Any, timeout: float = ANSWER_TIMEOUT_S, number: str = ""
+        self, robot: str, path: str, *args: Any, timeout: float = ANSWER_TIMEOUT_S, task: FleetTask | None = None
     ) -> Any:
         """Call a function of the robot that others may call, and wait for its end.  Raises FleetError.
 
-        ``number`` names the call for ``cancel``.
+        A function ``stop`` overtakes all else in the network, as ``FleetLine.stop`` does.
         """
-        request = {"function": path, "args": list(args), "number": number}
+        if is_stop(path):
+            self._order(robot, "stop", {}, timeout, zenoh.Priority.REAL_TIME)
+            return None
+        task = task or FleetTask()
+        request = {"function": path, "args": list(args)}
         if self.hello(robot):
-            return self._move(robot, "call", request, timeout)["value"]
+            return self._move(robot, "call", request, timeout, task)["value"]
         return self._order(robot, "call", request, timeout)["value"]
 
     def cancel(self, robot: str, number: str) -> None:
@@ -220,7 +228,9 @@ class FleetLine:
                 driven.ahead = float(told["now"]) - now
         return told["drive"] is True
 
-    def _move(self, robot: str, verb: str, request: dict[str, Any], timeout: float) -> dict[str, Any]:
+    def _move(
+        self, robot: str, verb: str, request: dict[str, Any], timeout: float, task: FleetTask
+    ) -> dict[str, Any]:
         """Give an order that moves, and signs of life from then on."""
         for _ in range(HELLOS):
             if robot in self._driven and self._driven[robot].took < QUICK_S:
@@ -229,7 +239,11 @@ class FleetLine:
         driven = self._driven[robot]
         self._feed(robot, driven)
         made = time.monotonic() + driven.ahead
-        return self._order(robot, verb, {**request, "made": made, "session": self._instance}, timeout)
+        # After the time was taken: an end that comes now comes to the robot as one behind this order.
+        if task.ended:
+            raise FleetError(f"{robot}: the job that has asked has ended")
+        told = {**request, "number": task.number, "made": made, "session": self._instance}
+        return self._order(robot, verb, told, timeout)
 
     def _feed(self, robot: str, driven: _Driven) -> None:
         with self._lock:
@@ -253,18 +267,22 @@ class FleetLine:
             except zenoh.ZError:
                 return  # the session is closed
 
-    def _order(self, robot: str, verb: str, request: dict[str, Any], timeout: float) -> dict[str, Any]:
+    def _order(
+        self, robot: str, verb: str, request: dict[str, Any], timeout: float,
+        priority: zenoh.Priority = zenoh.Priority.DATA,
+    ) -> dict[str, Any]:  # fmt: skip
         told = {**request, "timeout": timeout}
-        return self._asked(robot, self.keys.order(checked_fleet_name(robot), verb), told, timeout)
+        return self._asked(robot, self.keys.order(checked_fleet_name(robot), verb), told, timeout, priority)
 
     def _asked(
-        self, robot: str, key: str, request: dict[str, Any], timeout: float = ANSWER_TIMEOUT_S
-    ) -> dict[str, Any]:
+        self, robot: str, key: str, request: dict[str, Any], timeout: float = ANSWER_TIMEOUT_S,
+        priority: zenoh.Priority = zenoh.Priority.DATA,
+    ) -> dict[str, Any]:  # fmt: skip
         """The answer of one robot.  Raises FleetError."""
         checked_fleet_name(robot)
         payload = json.dumps(request).encode()
         replies = self._session.get(
-            key, payload=payload, target=zenoh.QueryTarget.ALL, timeout=timeout, express=True,
+            key, payload=payload, target=zenoh.QueryTarget.ALL, timeout=timeout, express=True, priority=priority,
             congestion_control=zenoh.CongestionControl.BLOCK,
         )  # fmt: skip
         for reply in replies:
@@ -276,6 +294,15 @@ class FleetLine:
         if robot not in self.robots():
             raise FleetTimedOut(f"{robot} is not in the fleet {self.keys.fleet}")
         raise FleetTimedOut(f"{robot} has not answered within {timeout:g} s")
+
+
+class FleetTask:
+    """What one who asks can end, in another thread.  ``number`` names it for ``FleetLine.cancel``, "" for none; set
+    ``ended``, then cancel."""
+
+    def __init__(self, number: str = "") -> None:
+        self.number = number
+        self.ended = False
 
 
 class _Driven:
