@@ -9,11 +9,17 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import pytest
 from fleet_lab import FleetLab, ask, fleet_lab, until
 from lang.transcript import Player, read
 
+from urbihw.cli import fleet
+from urbihw.client.credentials import Credentials
 from urbihw.client.streams import EventSample
+from urbihw.client.where import Where
+from urbihw.fleets import script
 from urbihw.fleets.script import PROGRAM, FleetScript
+from urbihw.fleets.settings import FleetSettings
 
 TRANSCRIPT = Path(__file__).with_name("fleet.chk")
 LIBRARY_LINES = PROGRAM.count("\n") + 2
@@ -212,6 +218,58 @@ def test_only_changes_of_slots_that_were_read_are_told() -> None:
         assert daemon.heard("Fleet.took(") in ([], ['"alice", ["sonar.val" => 0.5])|'])
 
     played(scene)
+
+
+RUBBISH = (
+    b"", b"[", b"7", b"{}", b"\xff", b"[" * 60000, b'{"t": 1, "v": 7}', b'{"t": {}, "v": {"sonar.val": 0.1}}',
+    b'{"t": 1, "v": {"sonar.val": %s}}' % (b"9" * 400), b'{"t": 1, "v": {"sonar.val": {"a": 1}}}',
+    b'{"t": 1, "v": {"sonar.val": %s}}' % (b"[" * 30 + b"]" * 30), b'{"t": 1, "v": {"sonar.val": "\\ud800"}}',
+)  # fmt: skip
+
+
+def test_rubbish_of_another_one_ends_nothing() -> None:
+    async def scene(lab: FleetLab, daemon: PlayedDaemon, script: FleetScript) -> None:
+        lab.robots["alice"].on_values = lambda: None
+        line = await lab.line("ben")
+        for payload in (*RUBBISH, b'{"t": 1, "v": {"sonar.val": 0.75}}'):
+            await asyncio.sleep(0.02)
+            line._session.put(line.keys.values.replace("ben", "alice"), payload)
+        await until(lambda: '"alice", ["sonar.val" => 0.75])|' in daemon.heard("Fleet.took("))
+        assert set(daemon.heard("Fleet.took(")) <= {f'"alice", ["sonar.val" => {each}])|' for each in (0.5, 0.75)}
+        # An answer, too.
+        lab.robots["alice"].values = {"sonar.val": 10**400}
+        daemon.asked.put_nowait(("1", "alice", "watch", ["sonar.val"], 2.0))
+        daemon.asked.put_nowait(("2", "alice", "watch", [], 2.0))
+        await until(lambda: len([told for told in daemon.heard("Fleet.answered(") if ", false, " in told]) == 2)
+
+    played(scene, watched=[["alice", ["sonar.val"]]])
+
+
+def test_the_death_of_what_programs_see_leaves_the_bridge(monkeypatch: pytest.MonkeyPatch) -> None:
+    begun = []
+
+    class Script:
+        def __init__(self, *_: object) -> None:
+            self.is_alive = lambda: True
+
+        async def run(self) -> None:
+            begun.append(self)
+            raise RuntimeError("it has died")
+
+    async def play() -> None:
+        async with fleet_lab() as lab:
+            settings = FleetSettings(
+                "school", "alice", Where("127.0.0.1", 1), Credentials(), Path("nowhere"), lab.endpoint
+            )
+            running = asyncio.create_task(fleet._run(settings))
+            await until(lambda: len(begun) > 2 or running.done())
+            assert not running.done()
+            running.cancel()
+            await asyncio.wait((running,))
+
+    monkeypatch.setattr(script, "FleetScript", Script)
+    monkeypatch.setattr(fleet, "RETRY_S", 0.01)
+    asyncio.run(play())
 
 
 def test_what_a_held_daemon_drives_elsewhere_gets_no_signs_of_life() -> None:

@@ -8,13 +8,13 @@ on its way.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import time
 from collections.abc import Awaitable, Callable, Collection
 from typing import Any, Final
 
 from urbihw.client.aio import AsyncRobot
 from urbihw.client.literals import string_literal
+from urbihw.fleets.told import number_in
 
 MOST_DRIVERS: Final = 16
 IDLE_S: Final = 10.0
@@ -25,12 +25,16 @@ class FleetRefusal(Exception):
     """What a far client asks for is not done; the message is one line that tells why."""
 
 
+class TooOld(FleetRefusal):
+    """An order was long on its way, or the far client does not know the clock of this robot any more."""
+
+
 def made_in(made: Any) -> float:
     """The time at which an order was made, as it says.  Raises FleetRefusal."""
-    if not isinstance(made, bool) and isinstance(made, int | float):
-        with contextlib.suppress(OverflowError):
-            return float(made)
-    raise FleetRefusal("an order to move says when it was made: say hello first")
+    at = number_in(made)
+    if at is None:
+        raise FleetRefusal("an order to move says when it was made: say hello first")
+    return at
 
 
 class FarDriver:
@@ -97,7 +101,7 @@ class FarDrivers:
         """
         age = self._clock() - made_in(made)
         if not -self._dead_man <= age <= self._dead_man:
-            raise FleetRefusal(f"the order was {age:.1f} s on its way: it is not carried out any more")
+            raise TooOld(f"the order was {age:.1f} s on its way: it is not carried out any more")
 
     async def driver(self, who: str, session: str) -> FarDriver:
         """The connection of a far client that may drive, made if needed.  Raises FleetRefusal, ClientError."""

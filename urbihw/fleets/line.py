@@ -5,6 +5,7 @@ Each question has a time-out, and each error names the robot.
 
 from __future__ import annotations
 
+import contextlib
 import getpass
 import json
 import math
@@ -29,6 +30,7 @@ from urbihw.fleets.names import (
     is_stop,
     owner_in,
 )
+from urbihw.fleets.told import NotTold, told_in, values_in
 
 ANSWER_TIMEOUT_S: Final = 3.0
 STOP_TIMEOUT_S: Final = 1.5
@@ -45,6 +47,10 @@ BEATS: Final = 5
 
 class FleetError(Exception):
     """A robot refused, or did not answer; the message is one line that names it."""
+
+
+class FleetTooOld(FleetError):
+    """An order was long on its way to a robot, and has moved nothing."""
 
 
 class FleetTimedOut(FleetError, TimeoutError):
@@ -131,7 +137,9 @@ class FleetLine:
         try:
             while True:
                 sample = heard.get(timeout=timeout)
-                yield owner_in(str(sample.key_expr))[1], json.loads(bytes(sample.payload))
+                with contextlib.suppress(NotTold):
+                    told = values_in(bytes(sample.payload))
+                    yield owner_in(str(sample.key_expr))[1], told
         except Empty:
             return
         finally:
@@ -149,7 +157,8 @@ class FleetLine:
     def hear_values(self, on_values: Callable[[str, Mapping[str, Any]], None]) -> object:
         """Call a function, in a thread of zenoh, with what each robot publishes; keep what is returned."""
         def heard(sample: zenoh.Sample) -> None:
-            on_values(owner_in(str(sample.key_expr))[1], json.loads(bytes(sample.payload))["v"])
+            with contextlib.suppress(NotTold):
+                on_values(owner_in(str(sample.key_expr))[1], values_in(bytes(sample.payload))["v"])
 
         return self._session.declare_subscriber(FleetKeys(self.keys.fleet, ALL).values, heard)
 
@@ -171,7 +180,7 @@ class FleetLine:
         )  # fmt: skip
         for reply in replies:
             if reply.ok is not None:
-                name, told = owner_in(str(reply.ok.key_expr))[1], json.loads(bytes(reply.ok.payload))
+                name, told = owner_in(str(reply.ok.key_expr))[1], _answer_in(reply.ok)
                 if told.get("ok"):
                     confirmed[name] = time.monotonic() - begin
                 else:
@@ -214,10 +223,10 @@ class FleetLine:
         """End a call of this session that another thread waits for.  Raises FleetError."""
         self._order(robot, "cancel", {"number": number, "session": self._instance}, ANSWER_TIMEOUT_S)
 
-    def hello(self, robot: str) -> bool:
+    def hello(self, robot: str, timeout: float = ANSWER_TIMEOUT_S) -> bool:
         """Whether the robot lets this one drive.  Raises FleetError."""
         begin = time.monotonic()
-        told = self._order(robot, "hello", {}, ANSWER_TIMEOUT_S)
+        told = self._order(robot, "hello", {}, timeout)
         now = time.monotonic()
         with self._lock:
             driven = self._driven.setdefault(robot, _Driven())
@@ -233,7 +242,7 @@ class FleetLine:
     ) -> dict[str, Any]:
         """Give an order that moves, and signs of life from then on."""
         for _ in range(HELLOS):
-            if robot in self._driven and self._driven[robot].took < QUICK_S:
+            if robot in self._driven and self._driven[robot].is_known(time.monotonic()):
                 break
             self.hello(robot)
         driven = self._driven[robot]
@@ -243,12 +252,18 @@ class FleetLine:
         if task.ended:
             raise FleetError(f"{robot}: the job that has asked has ended")
         told = {**request, "number": task.number, "made": made, "session": self._instance}
-        return self._order(robot, verb, told, timeout)
+        try:
+            return self._order(robot, verb, told, timeout)
+        except FleetTooOld:
+            driven.until = 0.0  # its clock may be another one since it was started again: the next order asks for it
+            raise
 
     def _feed(self, robot: str, driven: _Driven) -> None:
+        if driven.thread is not None:
+            return
+        period = float(self.info(robot)["dead_man"]) / BEATS
         with self._lock:
             if driven.thread is None:
-                period = float(self.info(robot)["dead_man"]) / BEATS
                 work = threading.Thread(target=self._beat, args=(robot, driven, period), name="fleet", daemon=True)
                 driven.thread = work
                 work.start()
@@ -258,6 +273,12 @@ class FleetLine:
         while not self._ending.wait(period):
             if not self.is_alive():
                 continue
+            if time.monotonic() > driven.until - period:
+                # Clocks run apart.  An answer that does not come at once must not keep the signs of life.
+                try:
+                    self.hello(robot, period)
+                except (FleetError, zenoh.ZError):
+                    driven.until = time.monotonic() + 1.0
             told = {"session": self._instance, "made": time.monotonic() + driven.ahead}
             try:
                 self._session.put(
@@ -287,13 +308,23 @@ class FleetLine:
         )  # fmt: skip
         for reply in replies:
             if reply.ok is not None:
-                told: dict[str, Any] = json.loads(bytes(reply.ok.payload))
+                told = _answer_in(reply.ok)
+                if told.get("old"):
+                    raise FleetTooOld(f"{robot}: {told.get('error')}")
                 if not told.pop("ok", False):
                     raise FleetError(f"{robot}: {told.get('error')}")
                 return told
         if robot not in self.robots():
             raise FleetTimedOut(f"{robot} is not in the fleet {self.keys.fleet}")
         raise FleetTimedOut(f"{robot} has not answered within {timeout:g} s")
+
+
+def _answer_in(sample: zenoh.Sample) -> dict[str, Any]:
+    """What a robot answers; rubbish is an answer with an error."""
+    try:
+        return told_in(bytes(sample.payload))
+    except NotTold as error:
+        return {"error": str(error)}
 
 
 class FleetTask:
@@ -314,3 +345,7 @@ class _Driven:
         self.took = math.inf
         self.until = 0.0
         self.thread: threading.Thread | None = None
+
+    def is_known(self, now: float) -> bool:
+        """Whether its clock is known well enough for an order."""
+        return self.took < QUICK_S and now <= self.until

@@ -12,14 +12,18 @@ import json
 import logging
 import math
 import time
+import traceback
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from typing import Any, Final
 
 from urbihw.client.errors import ClientError
+from urbihw.client.literals import literal
 from urbihw.daemon.control_client import NoWorker
-from urbihw.fleets.drivers import FarDriver, FarDrivers, FleetRefusal, made_in
+from urbihw.fleets.drivers import FarDriver, FarDrivers, FleetRefusal, TooOld, made_in
 from urbihw.fleets.names import FleetOrder, is_stop
 from urbihw.fleets.served import ServedRobot
+from urbihw.fleets.told import number_in
+from urbihw.repeats import LimitedLog
 from urbihw.web.tree import FREE_CALLS, TELLING_CALLS
 
 log = logging.getLogger("urbihw.fleets")
@@ -41,6 +45,7 @@ class OrderDesk:
     def __init__(self, robot: ServedRobot, drivers: FarDrivers) -> None:
         self._robot = robot
         self._drivers = drivers
+        self._log = LimitedLog(log)
         self._verbs: Mapping[str, Callable[[str, Request], Awaitable[dict[str, Any]]]] = {
             "estop": lambda who, request: self._obey("estop", who),
             "stop": lambda who, request: self._obey("stop", who),
@@ -58,10 +63,13 @@ class OrderDesk:
         """The answer to an order, also to one that is refused."""
         try:
             told = await self._do(order, payload)
+        except TooOld as error:
+            told = {"ok": False, "error": str(error), "old": True}
         except (FleetRefusal, NoWorker, ClientError) as error:
             told = {"ok": False, "error": str(error)}
         except Exception as error:
-            log.exception("our bug in the bridge, at %s of %s", order.verb[:40], order.who)
+            text = "our bug in the bridge, at %s of %s: %s"
+            self._log.say("bug", text, order.verb[:40], order.who, traceback.format_exc(), level=logging.ERROR)
             told = {"ok": False, "error": f"the bridge failed at this, which is our bug: {type(error).__name__}"}
         return json.dumps(told).encode()
 
@@ -121,7 +129,8 @@ class OrderDesk:
         for path, value in slots.items():
             if not self._robot.tree.may_write(path):
                 raise FleetRefusal(f"{path[:60]} is no effector of the robot")
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            number = number_in(value)
+            if number is None or not math.isfinite(number):
                 raise FleetRefusal(f"{path}: a number is written from elsewhere")
         wait = _wait_in(request)
         async with self._driver(who, request) as driver:
@@ -133,6 +142,10 @@ class OrderDesk:
         path, args = _text_in(request, "function"), request.get("args", [])
         if not isinstance(args, list) or len(args) > MAX_ARGUMENTS:
             raise FleetRefusal(f"args: a list of at most {MAX_ARGUMENTS}")
+        try:
+            literal(args)
+        except (ValueError, TypeError, OverflowError) as error:
+            raise FleetRefusal(f"args: {error}") from None
         if not self._robot.tree.may_call(path):
             raise FleetRefusal(f"{path[:60]} cannot be called from elsewhere")
         name = path.rpartition(".")[2]
