@@ -319,7 +319,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     # A client of the server and of the bus worker, too.  What others may read, write and call is what browsers may.
     "urbihw.fleets": (
         "urbihw.client", "urbihw.buses.verdict", "urbihw.daemon", "urbihw.web", "urbihw.backoff", "urbihw.release",
-        "urbihw.fleets.names",
+        "urbihw.repeats", "urbihw.fleets.names",
     ),  # fmt: skip
     "urbihw.fleets.names": ("urbihw.client",),
     # The verdict on the health of a robot, for commands and browsers.

@@ -118,9 +118,14 @@ class PlayedRobot(ServedRobot):
         self.played = PlayedWorker()
         self.worker = self.played  # type: ignore[assignment]
         self.connections: list[PlayedConnection] = []
+        self.dials = asyncio.Event()
+        self.dials.set()
+        self.dialling = 0
         self.tree, self.overview = Tree(TREE), OVERVIEW
 
     async def connect(self) -> Any:
+        self.dialling += 1
+        await self.dials.wait()
         made = PlayedConnection()
         self.connections.append(made)
         return made

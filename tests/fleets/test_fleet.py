@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import json
+import threading
 import time
 from collections.abc import Awaitable, Callable
-from typing import Any
+from functools import partial
+from typing import Any, ClassVar
 
 import pytest
-from fleet_lab import FleetLab, ask, fleet_lab, until
+from fleet_lab import FleetLab, PlayedRobot, ask, fleet_lab, until
 
 from urbihw.fleets import bridge
 from urbihw.fleets.bridge import NameTaken
-from urbihw.fleets.line import FleetError, FleetTimedOut
-from urbihw.fleets.names import ALL, FleetKeys
+from urbihw.fleets.line import FleetError, FleetLine, FleetTimedOut
+from urbihw.fleets.names import ALL, FleetKeys, FleetOrder
 from urbihw.fleets.program import FleetProgram
 
 
@@ -131,7 +133,8 @@ def test_nobody_moves_a_robot_whose_settings_do_not_name_him() -> None:
             with pytest.raises(FleetError, match="^alice: thief may not drive: fleet_drive"):
                 await ask(work)
         assert lab.robots["alice"].connections == []
-        # To stop is everybody's right.
+        # To stop is everybody's right, and nothing goes before it.
+        thief.info = thief.hello = None  # type: ignore[method-assign,assignment]
         await ask(thief.call, "alice", "robot.stop")
         assert lab.robots["alice"].played.asked == [("stop", "thief (fleet)")]
 
@@ -178,6 +181,114 @@ def test_what_was_long_on_its_way_moves_nothing_and_is_no_sign_of_life() -> None
     played(scene)
 
 
+def dials_again(robot: PlayedRobot, before: int) -> bool:
+    return robot.dialling > before
+
+
+def test_an_order_that_still_connects_ends_with_its_job_its_client_and_its_age() -> None:
+    async def scene(lab: FleetLab) -> None:
+        joined = await lab.join("alice", drive=("teacher",))
+        line, robot = await lab.line(), lab.robots["alice"]
+        for end in ("job", "client", "age"):
+            robot.dials.clear()
+            before, driven = robot.dialling, len(robot.connections)
+            call = {"function": "robot.go", "args": [1.0], "number": "7", "session": end, "timeout": 2.0}
+            call["made"] = time.monotonic()
+            asked = asyncio.create_task(asyncio.to_thread(line._order, "alice", "call", call, 1.0))
+            await until(partial(dials_again, robot, before))
+            if end == "job":
+                await ask(line._order, "alice", "cancel", {"number": "7", "session": end}, 1.0)
+            elif end == "client":
+                joined._lose_client(f"school/teacher/client/{end}")
+            else:
+                joined._drivers._clock = lambda: time.monotonic() + 3.0
+            robot.dials.set()
+            with pytest.raises(FleetError):
+                await asked
+            assert robot.did == []
+            assert (len(robot.connections) > driven) is (end == "age")
+
+    played(scene)
+
+
+def test_an_end_that_overtakes_its_order_ends_it() -> None:
+    async def scene(lab: FleetLab) -> None:
+        joined = await lab.join("alice", drive=("teacher",))
+        line, robot = await lab.line(), lab.robots["alice"]
+        made = time.monotonic()
+        call = {"function": "robot.go", "args": [1.0], "number": "7", "session": "a1", "made": made, "timeout": 1.0}
+        await ask(line._order, "alice", "cancel", {"number": "7", "session": "a1"}, 1.0)
+        joined._lose_client("school/teacher/client/b2")
+        for late in (call, call | {"session": "b2"}):
+            with pytest.raises(FleetError, match="has ended it"):
+                await ask(line._order, "alice", "call", late, 1.0)
+        assert robot.did == robot.connections == []
+        # Of a client that is back.
+        await ask(line._order, "alice", "call", call | {"session": "b2", "made": time.monotonic()}, 1.0)
+        assert robot.did == [("robot.go", (1.0,))]
+
+    played(scene)
+
+
+def test_the_clock_of_a_robot_is_asked_again() -> None:
+    async def scene(lab: FleetLab) -> None:
+        for name in ("alice", "bob"):
+            await lab.join(name, drive=("teacher",))
+        line, robot = await lab.line(), lab.robots["alice"]
+        await ask(line.hello, "alice")
+        driven = line._driven["alice"]
+        driven.took = 0.0
+        # Its machine was started again.
+        driven.ahead -= 50.0
+        with pytest.raises(FleetError, match="on its way"):
+            await ask(line.write, "alice", {"wheel.speed": 1.0})
+        await ask(line.write, "alice", {"wheel.speed": 1.0})
+        # The clocks have run apart.
+        driven.ahead, driven.until = driven.ahead - 50.0, 0.0
+        fed = robot.connections[0].term.fed
+        await until(lambda: robot.connections[0].term.fed > fed + 1)
+        # A robot that tells nothing of itself holds no other.
+        line.close()
+        line, told, info = await lab.line(), threading.Event(), FleetLine.info
+        line.info = lambda name: (name == "bob" or told.wait(9.0)) and info(line, name)  # type: ignore
+        slow = asyncio.create_task(asyncio.to_thread(line.write, "alice", {"wheel.speed": 1.0}))
+        await until(lambda: "alice" in line._driven)
+        await ask(line.write, "bob", {"wheel.speed": 1.0})
+        assert not slow.done()
+        told.set()
+        await slow
+
+    played(scene)
+
+
+class PlayedQuery:
+    """An order that waits for an answer: `told` has those of all."""
+
+    told: ClassVar[list[str]] = []
+
+    def __enter__(self) -> None: ...
+
+    def __exit__(self, *_: object) -> None: ...
+
+    def reply(self, key: str, told: str, express: bool) -> None:
+        self.told.append(told)
+
+
+def test_a_flood_of_stops_has_a_bound_and_keeps_no_other_kind() -> None:
+    async def scene(lab: FleetLab) -> None:
+        joined = await lab.join("alice")
+        joined._desk.answer = lambda order, payload: asyncio.sleep(9.0)  # type: ignore
+        query: Any = PlayedQuery()
+        for verb, most in (("hello", bridge.MOST_PENDING), ("stop", bridge.MOST_STOPS), ("estop", bridge.MOST_STOPS)):
+            before = len(joined._pending)
+            for _ in range(most + 10):
+                joined._begin(FleetOrder("anna", verb), b"", query)
+            assert len(joined._pending) == before + most
+        assert query.told == 30 * [bridge.BUSY]
+
+    played(scene)
+
+
 WRONG: list[tuple[str, Any]] = [
     ("write", {}), ("write", {"slots": {}}), ("write", {"slots": {"wheel.unit": 1.0}}),
     ("write", {"slots": {"wheel.speed": True}}), ("write", {"slots": {"wheel.speed": "1"}}),
@@ -196,6 +307,10 @@ WRONG: list[tuple[str, Any]] = [
     ("call", {"function": "robot.addPose"}), ("call", {"function": "robot.go", "args": "1"}),
     ("call", {"function": "robot.go", "args": list(range(9))}), ("call", {"function": ["robot.go"]}),
     ("read", {"slot": "System.shutdown"}), ("run", {"text": "robot.go(1)"}), ("estop/x", {}),
+    ("write", {"slots": {"wheel.speed": 1.0}, "made": 10**400}), ("write", {"slots": {"wheel.speed": 10**400}}),
+    ("call", {"function": "robot.go", "args": [10**400]}), ("call", {"function": "robot.go", "args": ["\ud800"]}),
+    ("call", {"function": "robot.go", "args": [json.loads("[" * 30 + "]" * 30)]}),
+    ("cancel", {}), ("cancel", {"number": [1]}),
 ]  # fmt: skip
 
 
@@ -205,8 +320,9 @@ def test_wrong_orders_of_one_who_may_drive_move_nothing() -> None:
         line, robot = await lab.line(), lab.robots["alice"]
         for verb, request in WRONG:
             right = {"made": time.monotonic(), "session": "a1", "timeout": 0.2}
-            with pytest.raises(FleetError):
+            with pytest.raises(FleetError) as raised:
                 await ask(line._asked, "alice", line.keys.order("alice", verb), {**right, **request}, 0.2)
+            assert "our bug" not in str(raised.value)
         for payload in (b"", b"[", b"\xff", b"[" * 60000, b"9" * 70000, b"null", b'{"slots": {"wheel.speed": 1}}'):
             for reply in await ask(lambda payload=payload: list(
                 line._session.get(line.keys.order("alice", "write"), payload=payload, timeout=1.0)
@@ -242,10 +358,15 @@ def test_a_program_uses_the_words_of_urbiscript() -> None:
             (refused,) = raised.value.exceptions
             assert str(refused).startswith("bob: teacher may not drive")
             assert next(school.watch("bob"))[0] == "bob"
+            # One that tells nothing of itself keeps no other.
+            lab.robots["alice"].info = None  # type: ignore[method-assign,assignment]
+            with pytest.raises(ExceptionGroup) as raised:
+                school.each(lambda robot: robot.robot.stop())
+            assert [str(each)[:6] for each in raised.value.exceptions] == ["alice:"]
 
         await ask(program)
         assert lab.robots["alice"].did == [{"wheel.speed": 0.25}, {"wheel.speed": 1.0}]
-        assert lab.robots["bob"].played.asked == [("stop", "teacher (fleet)")]
+        assert lab.robots["bob"].played.asked == 2 * [("stop", "teacher (fleet)")]
 
     played(scene)
 

@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from urbihw.backoff import BackOff
 from urbihw.cli.options import CliRefused, complain, number
 from urbihw.cli.reach import add_access, credentials, resolve_server
 from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_UNAVAILABLE
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 WATCH_TIMEOUT_S: Final = 5.0
 RETRY_S: Final = 0.5
+MAX_PAUSE_S: Final = 5.0
 STOPPED: Final = {"estop": "stopped, held until: {release}", "release": "released"}
 WORDS: Final = (
     "ls | watch [ROBOT [SLOT ...]] | call ROBOT FUNCTION [ARGUMENT ...] | read ROBOT SLOT | write ROBOT SLOT NUMBER | "
@@ -110,15 +112,18 @@ async def _run(settings: FleetSettings) -> None:
 
     async def show() -> None:
         await bridge.here.wait()
-        line = None
-        while line is None:
+        pauses = BackOff(RETRY_S, MAX_PAUSE_S)
+        while True:
             try:
                 line = FleetLine(settings.fleet, settings.name, settings.endpoint)
+                script = FleetScript(robot.connect, line)
+                line.is_alive = script.is_alive
+                await script.run()
             except NoMeeting:  # the router has just died
-                await asyncio.sleep(RETRY_S)
-        script = FleetScript(robot.connect, line)
-        line.is_alive = script.is_alive
-        await script.run()
+                pass
+            except Exception:  # the robot must go on to hear stops
+                logging.getLogger("urbihw.fleets").exception("our bug in what programs see of the fleet")
+            await asyncio.sleep(pauses.next_pause())
 
     await asyncio.gather(bridge.run(), show())
 

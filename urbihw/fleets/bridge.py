@@ -31,6 +31,9 @@ TAKEN_PATIENCE_S: Final = 3.0
 MOST_PENDING: Final = 64
 """Orders that may wait for an answer; of others only stops are taken."""
 STOPS: Final = ("estop", "stop")
+MOST_STOPS: Final = 32
+"""Emergency stops that may wait for an answer of the bus worker, and stops."""
+BUSY: Final = json.dumps({"ok": False, "error": "too many orders wait for an answer"})
 
 
 class NameTaken(Exception):
@@ -53,7 +56,7 @@ class FleetBridge:
         self._drivers = FarDrivers(robot.connect, settings.drive, settings.dead_man)
         self._desk = OrderDesk(robot, self._drivers)
         self._loop = asyncio.get_running_loop()
-        self._pending: set[asyncio.Task[None]] = set()
+        self._pending: dict[asyncio.Task[None], str] = {}
         self._refused: asyncio.Future[None] = self._loop.create_future()
         self._sent = 0
 
@@ -146,8 +149,9 @@ class FleetBridge:
             self._post(self._begin, order, bytes(query.payload) if query.payload is not None else b"", query)
 
     def _hear_beat(self, sample: zenoh.Sample) -> None:
-        who = str(sample.key_expr).split("/")[3]
-        self._post(self._beat, who, bytes(sample.payload))
+        order = self.keys.order_in(str(sample.key_expr))
+        if order is not None:
+            self._post(self._beat, order.who, bytes(sample.payload))
 
     def _hear_client(self, sample: zenoh.Sample) -> None:
         if sample.kind == zenoh.SampleKind.DELETE:
@@ -163,14 +167,19 @@ class FleetBridge:
 
     # ---------------------------------------------------------------- in, in the loop
 
-    def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
+    def _spawn(self, work: Coroutine[Any, Any, None], verb: str = "") -> None:
         task = self._loop.create_task(work)
-        self._pending.add(task)
-        task.add_done_callback(self._pending.discard)
+        self._pending[task] = verb
+        task.add_done_callback(self._pending.pop)
 
     def _begin(self, order: FleetOrder, payload: bytes, query: zenoh.Query) -> None:
-        if len(self._pending) < MOST_PENDING or order.verb in STOPS:
-            self._spawn(self._answer(order, payload, query))
+        # Each kind of stop has its own bound: a flood of one keeps no other.
+        same = sum(verb == order.verb for verb in self._pending.values())
+        if same < MOST_STOPS if order.verb in STOPS else len(self._pending) < MOST_PENDING:
+            self._spawn(self._answer(order, payload, query), order.verb)
+            return
+        with query:
+            query.reply(self.keys.answer_to(order), BUSY, express=True)
 
     async def _answer(self, order: FleetOrder, payload: bytes, query: zenoh.Query) -> None:
         # The far side waits until the query is closed.
@@ -187,6 +196,7 @@ class FleetBridge:
 
     def _lose_client(self, key: str) -> None:
         _, who, session = owner_in(key)
+        self._desk.end(who, session)
         self._spawn(self._drivers.end(who, session))
 
     def _meet_namesake(self, instance: str) -> None:

@@ -13,8 +13,8 @@ from collections.abc import Awaitable, Callable, Collection
 from typing import Any, Final
 
 from urbihw.client.aio import AsyncRobot
-from urbihw.client.errors import ClientError
 from urbihw.client.literals import string_literal
+from urbihw.fleets.told import number_in
 
 MOST_DRIVERS: Final = 16
 IDLE_S: Final = 10.0
@@ -23,6 +23,18 @@ IDLE_S: Final = 10.0
 
 class FleetRefusal(Exception):
     """What a far client asks for is not done; the message is one line that tells why."""
+
+
+class TooOld(FleetRefusal):
+    """An order was long on its way, or the far client does not know the clock of this robot any more."""
+
+
+def made_in(made: Any) -> float:
+    """The time at which an order was made, as it says.  Raises FleetRefusal."""
+    at = number_in(made)
+    if at is None:
+        raise FleetRefusal("an order to move says when it was made: say hello first")
+    return at
 
 
 class FarDriver:
@@ -87,11 +99,9 @@ class FarDrivers:
 
         The far client takes the time of an answer for the present, which makes an order older, never younger.
         """
-        if isinstance(made, bool) or not isinstance(made, int | float):
-            raise FleetRefusal("an order to move says when it was made: say hello first")
-        age = self._clock() - made
+        age = self._clock() - made_in(made)
         if not -self._dead_man <= age <= self._dead_man:
-            raise FleetRefusal(f"the order was {age:.1f} s on its way: it is not carried out any more")
+            raise TooOld(f"the order was {age:.1f} s on its way: it is not carried out any more")
 
     async def driver(self, who: str, session: str) -> FarDriver:
         """The connection of a far client that may drive, made if needed.  Raises FleetRefusal, ClientError."""
@@ -108,7 +118,7 @@ class FarDrivers:
             self._drivers[who, session] = made
             try:
                 await made.begin()
-            except ClientError:
+            except BaseException:  # also of an order that was cancelled
                 await self.end(who, session)
                 raise
             return made

@@ -5,6 +5,7 @@ Each question has a time-out, and each error names the robot.
 
 from __future__ import annotations
 
+import contextlib
 import getpass
 import json
 import math
@@ -26,8 +27,10 @@ from urbihw.fleets.names import (
     checked_endpoint,
     checked_fleet_name,
     fleet_name_of,
+    is_stop,
     owner_in,
 )
+from urbihw.fleets.told import NotTold, told_in, values_in
 
 ANSWER_TIMEOUT_S: Final = 3.0
 STOP_TIMEOUT_S: Final = 1.5
@@ -44,6 +47,10 @@ BEATS: Final = 5
 
 class FleetError(Exception):
     """A robot refused, or did not answer; the message is one line that names it."""
+
+
+class FleetTooOld(FleetError):
+    """An order was long on its way to a robot, and has moved nothing."""
 
 
 class FleetTimedOut(FleetError, TimeoutError):
@@ -130,7 +137,9 @@ class FleetLine:
         try:
             while True:
                 sample = heard.get(timeout=timeout)
-                yield owner_in(str(sample.key_expr))[1], json.loads(bytes(sample.payload))
+                with contextlib.suppress(NotTold):
+                    told = values_in(bytes(sample.payload))
+                    yield owner_in(str(sample.key_expr))[1], told
         except Empty:
             return
         finally:
@@ -148,7 +157,8 @@ class FleetLine:
     def hear_values(self, on_values: Callable[[str, Mapping[str, Any]], None]) -> object:
         """Call a function, in a thread of zenoh, with what each robot publishes; keep what is returned."""
         def heard(sample: zenoh.Sample) -> None:
-            on_values(owner_in(str(sample.key_expr))[1], json.loads(bytes(sample.payload))["v"])
+            with contextlib.suppress(NotTold):
+                on_values(owner_in(str(sample.key_expr))[1], values_in(bytes(sample.payload))["v"])
 
         return self._session.declare_subscriber(FleetKeys(self.keys.fleet, ALL).values, heard)
 
@@ -170,7 +180,7 @@ class FleetLine:
         )  # fmt: skip
         for reply in replies:
             if reply.ok is not None:
-                name, told = owner_in(str(reply.ok.key_expr))[1], json.loads(bytes(reply.ok.payload))
+                name, told = owner_in(str(reply.ok.key_expr))[1], _answer_in(reply.ok)
                 if told.get("ok"):
                     confirmed[name] = time.monotonic() - begin
                 else:
@@ -185,31 +195,38 @@ class FleetLine:
         """The value of any slot that may be read, now.  Raises FleetError."""
         return self._order(robot, "read", {"slot": path}, timeout)["value"]
 
-    def write(self, robot: str, slots: Mapping[str, float], timeout: float = ANSWER_TIMEOUT_S) -> dict[str, Any]:
+    def write(
+        self, robot: str, slots: Mapping[str, float], timeout: float = ANSWER_TIMEOUT_S, task: FleetTask | None = None
+    ) -> dict[str, Any]:
         """Write effectors of a robot that lets this one drive: ``applied`` after its limits.  Raises FleetError."""
-        told: dict[str, Any] = self._move(robot, "write", {"slots": dict(slots)}, timeout)["applied"]
+        task = task or FleetTask()
+        told: dict[str, Any] = self._move(robot, "write", {"slots": dict(slots)}, timeout, task)["applied"]
         return told
 
     def call(
-        self, robot: str, path: str, *args: Any, timeout: float = ANSWER_TIMEOUT_S, number: str = ""
+        self, robot: str, path: str, *args: Any, timeout: float = ANSWER_TIMEOUT_S, task: FleetTask | None = None
     ) -> Any:
         """Call a function of the robot that others may call, and wait for its end.  Raises FleetError.
 
-        ``number`` names the call for ``cancel``.
+        A function ``stop`` overtakes all else in the network, as ``FleetLine.stop`` does.
         """
-        request = {"function": path, "args": list(args), "number": number}
+        if is_stop(path):
+            self._order(robot, "stop", {}, timeout, zenoh.Priority.REAL_TIME)
+            return None
+        task = task or FleetTask()
+        request = {"function": path, "args": list(args)}
         if self.hello(robot):
-            return self._move(robot, "call", request, timeout)["value"]
+            return self._move(robot, "call", request, timeout, task)["value"]
         return self._order(robot, "call", request, timeout)["value"]
 
     def cancel(self, robot: str, number: str) -> None:
         """End a call of this session that another thread waits for.  Raises FleetError."""
         self._order(robot, "cancel", {"number": number, "session": self._instance}, ANSWER_TIMEOUT_S)
 
-    def hello(self, robot: str) -> bool:
+    def hello(self, robot: str, timeout: float = ANSWER_TIMEOUT_S) -> bool:
         """Whether the robot lets this one drive.  Raises FleetError."""
         begin = time.monotonic()
-        told = self._order(robot, "hello", {}, ANSWER_TIMEOUT_S)
+        told = self._order(robot, "hello", {}, timeout)
         now = time.monotonic()
         with self._lock:
             driven = self._driven.setdefault(robot, _Driven())
@@ -220,21 +237,33 @@ class FleetLine:
                 driven.ahead = float(told["now"]) - now
         return told["drive"] is True
 
-    def _move(self, robot: str, verb: str, request: dict[str, Any], timeout: float) -> dict[str, Any]:
+    def _move(
+        self, robot: str, verb: str, request: dict[str, Any], timeout: float, task: FleetTask
+    ) -> dict[str, Any]:
         """Give an order that moves, and signs of life from then on."""
         for _ in range(HELLOS):
-            if robot in self._driven and self._driven[robot].took < QUICK_S:
+            if robot in self._driven and self._driven[robot].is_known(time.monotonic()):
                 break
             self.hello(robot)
         driven = self._driven[robot]
         self._feed(robot, driven)
         made = time.monotonic() + driven.ahead
-        return self._order(robot, verb, {**request, "made": made, "session": self._instance}, timeout)
+        # After the time was taken: an end that comes now comes to the robot as one behind this order.
+        if task.ended:
+            raise FleetError(f"{robot}: the job that has asked has ended")
+        told = {**request, "number": task.number, "made": made, "session": self._instance}
+        try:
+            return self._order(robot, verb, told, timeout)
+        except FleetTooOld:
+            driven.until = 0.0  # its clock may be another one since it was started again: the next order asks for it
+            raise
 
     def _feed(self, robot: str, driven: _Driven) -> None:
+        if driven.thread is not None:
+            return
+        period = float(self.info(robot)["dead_man"]) / BEATS
         with self._lock:
             if driven.thread is None:
-                period = float(self.info(robot)["dead_man"]) / BEATS
                 work = threading.Thread(target=self._beat, args=(robot, driven, period), name="fleet", daemon=True)
                 driven.thread = work
                 work.start()
@@ -244,6 +273,12 @@ class FleetLine:
         while not self._ending.wait(period):
             if not self.is_alive():
                 continue
+            if time.monotonic() > driven.until - period:
+                # Clocks run apart.  An answer that does not come at once must not keep the signs of life.
+                try:
+                    self.hello(robot, period)
+                except (FleetError, zenoh.ZError):
+                    driven.until = time.monotonic() + 1.0
             told = {"session": self._instance, "made": time.monotonic() + driven.ahead}
             try:
                 self._session.put(
@@ -253,29 +288,52 @@ class FleetLine:
             except zenoh.ZError:
                 return  # the session is closed
 
-    def _order(self, robot: str, verb: str, request: dict[str, Any], timeout: float) -> dict[str, Any]:
+    def _order(
+        self, robot: str, verb: str, request: dict[str, Any], timeout: float,
+        priority: zenoh.Priority = zenoh.Priority.DATA,
+    ) -> dict[str, Any]:  # fmt: skip
         told = {**request, "timeout": timeout}
-        return self._asked(robot, self.keys.order(checked_fleet_name(robot), verb), told, timeout)
+        return self._asked(robot, self.keys.order(checked_fleet_name(robot), verb), told, timeout, priority)
 
     def _asked(
-        self, robot: str, key: str, request: dict[str, Any], timeout: float = ANSWER_TIMEOUT_S
-    ) -> dict[str, Any]:
+        self, robot: str, key: str, request: dict[str, Any], timeout: float = ANSWER_TIMEOUT_S,
+        priority: zenoh.Priority = zenoh.Priority.DATA,
+    ) -> dict[str, Any]:  # fmt: skip
         """The answer of one robot.  Raises FleetError."""
         checked_fleet_name(robot)
         payload = json.dumps(request).encode()
         replies = self._session.get(
-            key, payload=payload, target=zenoh.QueryTarget.ALL, timeout=timeout, express=True,
+            key, payload=payload, target=zenoh.QueryTarget.ALL, timeout=timeout, express=True, priority=priority,
             congestion_control=zenoh.CongestionControl.BLOCK,
         )  # fmt: skip
         for reply in replies:
             if reply.ok is not None:
-                told: dict[str, Any] = json.loads(bytes(reply.ok.payload))
+                told = _answer_in(reply.ok)
+                if told.get("old"):
+                    raise FleetTooOld(f"{robot}: {told.get('error')}")
                 if not told.pop("ok", False):
                     raise FleetError(f"{robot}: {told.get('error')}")
                 return told
         if robot not in self.robots():
             raise FleetTimedOut(f"{robot} is not in the fleet {self.keys.fleet}")
         raise FleetTimedOut(f"{robot} has not answered within {timeout:g} s")
+
+
+def _answer_in(sample: zenoh.Sample) -> dict[str, Any]:
+    """What a robot answers; rubbish is an answer with an error."""
+    try:
+        return told_in(bytes(sample.payload))
+    except NotTold as error:
+        return {"error": str(error)}
+
+
+class FleetTask:
+    """What one who asks can end, in another thread.  ``number`` names it for ``FleetLine.cancel``, "" for none; set
+    ``ended``, then cancel."""
+
+    def __init__(self, number: str = "") -> None:
+        self.number = number
+        self.ended = False
 
 
 class _Driven:
@@ -287,3 +345,7 @@ class _Driven:
         self.took = math.inf
         self.until = 0.0
         self.thread: threading.Thread | None = None
+
+    def is_known(self, now: float) -> bool:
+        """Whether its clock is known well enough for an order."""
+        return self.took < QUICK_S and now <= self.until

@@ -121,6 +121,11 @@ def owner_in(key: str) -> tuple[str, str, str]:
     return fleet, name, rest.rpartition("/")[2]
 
 
+def is_stop(path: str) -> bool:
+    """Whether a function stops its robot."""
+    return path.rpartition(".")[2] == "stop"
+
+
 class BadEndpoint(ValueError):
     """An endpoint at which no fleet can meet; the message is one line."""
 

@@ -12,14 +12,18 @@ import json
 import logging
 import math
 import time
-from collections.abc import Awaitable, Callable, Iterator, Mapping
+import traceback
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from typing import Any, Final
 
 from urbihw.client.errors import ClientError
+from urbihw.client.literals import literal
 from urbihw.daemon.control_client import NoWorker
-from urbihw.fleets.drivers import FarDrivers, FleetRefusal
-from urbihw.fleets.names import FleetOrder
+from urbihw.fleets.drivers import FarDriver, FarDrivers, FleetRefusal, TooOld, made_in
+from urbihw.fleets.names import FleetOrder, is_stop
 from urbihw.fleets.served import ServedRobot
+from urbihw.fleets.told import number_in
+from urbihw.repeats import LimitedLog
 from urbihw.web.tree import FREE_CALLS, TELLING_CALLS
 
 log = logging.getLogger("urbihw.fleets")
@@ -30,6 +34,8 @@ MAX_WAIT_S: Final = 60.0
 MAX_SLOTS: Final = 100
 MAX_ARGUMENTS: Final = 8
 MAX_SESSION_LENGTH: Final = 40
+MOST_ENDED: Final = 1000
+"""Ends of clients and calls that are remembered, for orders that come only then."""
 Request = Mapping[str, Any]
 
 
@@ -39,6 +45,7 @@ class OrderDesk:
     def __init__(self, robot: ServedRobot, drivers: FarDrivers) -> None:
         self._robot = robot
         self._drivers = drivers
+        self._log = LimitedLog(log)
         self._verbs: Mapping[str, Callable[[str, Request], Awaitable[dict[str, Any]]]] = {
             "estop": lambda who, request: self._obey("estop", who),
             "stop": lambda who, request: self._obey("stop", who),
@@ -49,16 +56,20 @@ class OrderDesk:
             "call": self._call,
             "cancel": self._cancel,
         }
-        self._calls: dict[tuple[str, str, str], asyncio.Task[Any]] = {}
+        self._moving: dict[asyncio.Task[Any], tuple[str, ...]] = {}
+        self._ended: dict[tuple[str, ...], float] = {}
 
     async def answer(self, order: FleetOrder, payload: bytes) -> bytes:
         """The answer to an order, also to one that is refused."""
         try:
             told = await self._do(order, payload)
+        except TooOld as error:
+            told = {"ok": False, "error": str(error), "old": True}
         except (FleetRefusal, NoWorker, ClientError) as error:
             told = {"ok": False, "error": str(error)}
         except Exception as error:
-            log.exception("our bug in the bridge, at %s of %s", order.verb[:40], order.who)
+            text = "our bug in the bridge, at %s of %s: %s"
+            self._log.say("bug", text, order.verb[:40], order.who, traceback.format_exc(), level=logging.ERROR)
             told = {"ok": False, "error": f"the bridge failed at this, which is our bug: {type(error).__name__}"}
         return json.dumps(told).encode()
 
@@ -118,11 +129,12 @@ class OrderDesk:
         for path, value in slots.items():
             if not self._robot.tree.may_write(path):
                 raise FleetRefusal(f"{path[:60]} is no effector of the robot")
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            number = number_in(value)
+            if number is None or not math.isfinite(number):
                 raise FleetRefusal(f"{path}: a number is written from elsewhere")
-        self._drivers.check_age(request.get("made"))
-        driver = await self._drivers.driver(who, _session_in(request))
-        written = await driver.robot.write(slots, timeout=_wait_in(request))
+        wait = _wait_in(request)
+        async with self._driver(who, request) as driver:
+            written = await driver.robot.write(slots, timeout=wait)
         return {"applied": {path: _known(each.applied) for path, each in written.items()}}
 
     async def _call(self, who: str, request: Request) -> dict[str, Any]:
@@ -130,39 +142,63 @@ class OrderDesk:
         path, args = _text_in(request, "function"), request.get("args", [])
         if not isinstance(args, list) or len(args) > MAX_ARGUMENTS:
             raise FleetRefusal(f"args: a list of at most {MAX_ARGUMENTS}")
+        try:
+            literal(args)
+        except (ValueError, TypeError, OverflowError) as error:
+            raise FleetRefusal(f"args: {error}") from None
         if not self._robot.tree.may_call(path):
             raise FleetRefusal(f"{path[:60]} cannot be called from elsewhere")
         name = path.rpartition(".")[2]
-        if name == "stop":
+        if is_stop(path):
             return {"value": None, **await self._obey("stop", who)}
         if name in FREE_CALLS:
             async with await self._robot.connect() as robot:
                 told = await robot[path](*args, timeout=_wait_in(request))
                 return {"value": told if name in TELLING_CALLS else None}
+        wait = _wait_in(request)
         self._drivers.check_right(who)
-        self._drivers.check_age(request.get("made"))
-        driver = await self._drivers.driver(who, _session_in(request))
-        with self._cancellable(who, request):
-            await driver.robot[path](*args, timeout=_wait_in(request))
+        async with self._driver(who, request) as driver:
+            await driver.robot[path](*args, timeout=wait)
         return {"value": None}
 
-    @contextlib.contextmanager
-    def _cancellable(self, who: str, request: Request) -> Iterator[None]:
-        """Let a call be ended by its number, for a job of the far client that was stopped."""
-        key, task = (who, _session_in(request), str(request.get("number"))), asyncio.current_task()
+    @contextlib.asynccontextmanager
+    async def _driver(self, who: str, request: Request) -> AsyncIterator[FarDriver]:
+        """The connection for an order that moves, which ends with its client, and by its number.
+
+        It can be ended from its receipt on, and its age counts when it is carried out: to connect may take long.
+        """
+        key = (who, _session_in(request), str(request.get("number") or ""))
+        made, task = request.get("made"), asyncio.current_task()
         assert task is not None
-        self._calls[key] = task
+        self._drivers.check_age(made)
+        if any(made_in(made) <= self._ended.get(end, -math.inf) for end in (key[:2], key)):
+            raise FleetRefusal("who has given the order has ended it: it is not carried out any more")
+        self._moving[task] = key
         try:
-            yield
+            driver = await self._drivers.driver(who, key[1])
+            self._drivers.check_age(made)
+            yield driver
         finally:
-            if self._calls.get(key) is task:
-                del self._calls[key]
+            del self._moving[task]
+
+    def end(self, *key: str) -> None:
+        """End what a far client moves, by its name and session, or the order of a number alone.
+
+        What it has given before and what comes only now is not carried out, either; what it gives later is.
+        """
+        self._ended.pop(key, None)
+        self._ended[key] = time.monotonic()
+        if len(self._ended) > MOST_ENDED:
+            del self._ended[next(iter(self._ended))]
+        for task, of in self._moving.items():
+            if of[: len(key)] == key:
+                task.cancel()
 
     async def _cancel(self, who: str, request: Request) -> dict[str, Any]:
-        """End a call that waits; there may be none of this number any more."""
-        found = self._calls.get((who, _session_in(request), str(request.get("number"))))
-        if found is not None:
-            found.cancel()
+        """End a call, also one that is still under way; there may be none of this number any more."""
+        number = _text_in(request, "number")
+        if self._drivers.may_drive(who) and len(number) <= MAX_SESSION_LENGTH:
+            self.end(who, _session_in(request), number)
         return {}
 
 

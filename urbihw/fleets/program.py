@@ -48,11 +48,11 @@ class FleetProgram:
 
         If it fails for some, all others go on; then an ExceptionGroup has the errors.
         """
-        robots = list(self)
-        if not robots:
+        names = self.robots
+        if not names:
             return {}
-        with ThreadPoolExecutor(min(MOST_THREADS, len(robots))) as pool:
-            begun = [(robot.name, pool.submit(work, robot)) for robot in robots]
+        with ThreadPoolExecutor(min(MOST_THREADS, len(names))) as pool:
+            begun = [(name, pool.submit(lambda name: work(self[name]), name)) for name in names]
         errors = [error for _, each in begun if isinstance(error := each.exception(), Exception)]
         if errors:
             raise ExceptionGroup("some robots failed", errors)

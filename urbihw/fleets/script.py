@@ -12,6 +12,8 @@ import contextlib
 import logging
 import time
 from collections.abc import Awaitable, Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from importlib.resources import files
 from typing import Any, Final
 
@@ -19,8 +21,8 @@ from urbihw.backoff import BackOff
 from urbihw.client.aio import AsyncRobot
 from urbihw.client.errors import ClientError
 from urbihw.client.literals import literal, string_literal
-from urbihw.fleets.line import FleetError, FleetLine
-from urbihw.fleets.names import ALL, checked_fleet_name
+from urbihw.fleets.line import FleetError, FleetLine, FleetTask
+from urbihw.fleets.names import ALL, checked_fleet_name, is_stop
 
 log = logging.getLogger("urbihw.fleets")
 
@@ -29,6 +31,8 @@ FIRST_PAUSE_S: Final = 0.25
 MAX_PAUSE_S: Final = 2.0
 START_TIMEOUT_S: Final = 30.0
 """Seconds in which the daemon has learnt what ``Fleet`` is: the machine may be busy."""
+MOST_AT_ONCE: Final = 8
+"""Stops, and ends of questions, that are on their way at the same time; others wait."""
 MOST_ASKED: Final = 32
 """Questions of programs that may wait for an answer."""
 ALIVE_S: Final = 0.25
@@ -52,6 +56,11 @@ class FleetScript:
         self._fresh: dict[str, dict[str, Any]] = {}
         self._changed = asyncio.Event()
         self._asked: set[asyncio.Task[None]] = set()
+        self._tasks: dict[str, FleetTask] = {}
+        # Stops wait for no question, and for no end of one.
+        self._questions = ThreadPoolExecutor(MOST_ASKED, "fleet-question")
+        self._ends = ThreadPoolExecutor(MOST_AT_ONCE, "fleet-end")
+        self._stops = ThreadPoolExecutor(MOST_AT_ONCE, "fleet-stop")
 
     def is_alive(self) -> bool:
         """Whether the daemon answers: what a held program drives elsewhere must stop."""
@@ -74,6 +83,8 @@ class FleetScript:
         finally:
             for task in self._asked:
                 task.cancel()
+            for each in (self._questions, self._ends, self._stops):
+                each.shutdown(wait=False, cancel_futures=True)
             self._line.close()
             del held
 
@@ -84,6 +95,8 @@ class FleetScript:
         for name in await robot.run("Fleet.robots.keys"):
             if name not in self._here:
                 await robot.run(f"Fleet.missed({string_literal(name)})|")
+        # Another bridge may have had them watched.
+        self._wanted = {name: set(paths) for name, paths in await robot.run("Fleet.watched")}
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(self._ping(robot))
             tasks.create_task(self._tell(robot))
@@ -144,20 +157,38 @@ class FleetScript:
 
     async def _answer(self, robot: AsyncRobot, asked: tuple[Any, ...]) -> None:
         number, name, verb, args, patience = asked
-        if verb == "call":
-            args = [str(number), *args]
+        number = str(number)
         try:
-            if len(self._asked) > MOST_ASKED:
-                raise FleetError(f"{name}: more than {MOST_ASKED} questions wait for an answer")
-            value = await asyncio.to_thread(self._do, str(name), str(verb), list(args), min(patience, MAX_WAIT_S))
+            value = await self._ask(FleetTask(number), str(name), str(verb), list(args), min(patience, MAX_WAIT_S))
             told = f"true, {literal(value)}"
-        except (FleetError, ValueError, TypeError) as error:
+        except (FleetError, ValueError, TypeError, ArithmeticError, LookupError) as error:
             told = f"false, {string_literal(str(error))}"
         with contextlib.suppress(ClientError):
-            await robot.run(f"Fleet.answered({string_literal(str(number))}, {told})|")
+            await robot.run(f"Fleet.answered({string_literal(number)}, {told})|")
 
-    def _do(self, name: str, verb: str, args: list[Any], patience: float) -> Any:
-        """Ask the fleet, in a thread.  Raises FleetError, and ValueError for what cannot be asked."""
+    async def _ask(self, task: FleetTask, name: str, verb: str, args: list[Any], patience: float) -> Any:
+        """What the fleet answers.  Raises FleetError, and ValueError for what cannot be asked."""
+        work = partial(self._do, task, name, verb, args, patience)
+        if verb in ("estop", "release") or (verb == "call" and is_stop(str(args[0]))):
+            return await self._loop.run_in_executor(self._stops, work)
+        if verb == "cancel":
+            begun = self._tasks.get(str(args[0]))
+            if begun is not None:
+                begun.ended = True
+            return await self._loop.run_in_executor(self._ends, work)
+        if len(self._tasks) >= MOST_ASKED:
+            raise FleetError(f"{name}: more than {MOST_ASKED} questions wait for an answer")
+        self._tasks[task.number] = task
+        try:
+            value = await self._loop.run_in_executor(self._questions, work)
+        finally:
+            del self._tasks[task.number]
+        if verb == "watch":
+            self._wanted.setdefault(name, set()).add(args[0])
+        return value
+
+    def _do(self, task: FleetTask, name: str, verb: str, args: list[Any], patience: float) -> Any:
+        """Ask, in a thread."""
         line = self._line
         if verb in ("estop", "release"):
             failed = line.stop(verb, ALL if name == ALL else checked_fleet_name(name)).failed
@@ -170,15 +201,13 @@ class FleetScript:
                 raise FleetError(f"{name} has not told yet what it has")
             return [sorted(info["slots"]), info["calls"]]
         if verb == "watch":
-            told = line.value(name, args[0])
-            self._wanted.setdefault(name, set()).add(args[0])
-            return told["value"]
+            return line.value(name, args[0])["value"]
         if verb == "write":
-            line.write(name, {args[0]: args[1]}, patience)
+            line.write(name, {args[0]: args[1]}, patience, task)
             return None
         if verb == "call":
-            number, path, *rest = args
-            return line.call(name, path, *rest, timeout=patience, number=number)
+            path, *rest = args
+            return line.call(name, path, *rest, timeout=patience, task=task)
         if verb == "cancel":
             line.cancel(name, str(args[0]))
             return None
