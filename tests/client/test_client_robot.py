@@ -680,6 +680,31 @@ def test_a_lease_of_asyncio_too(lan: Lan) -> None:
     asyncio.run(use())
 
 
+def test_leases_that_overlap_on_one_connection_of_asyncio(lan: Lan) -> None:
+    async def use() -> None:
+        async with await aio.connect("127.0.0.1", lan.plain_port, timeout=20) as robot:
+            async def block(seconds: float, pause: float) -> None:
+                async with robot.lease(seconds=seconds):
+                    await asyncio.sleep(pause)
+
+            async def begins_in_vain() -> None:
+                with pytest.raises(UrbiError, match="a lease lasts for"):
+                    await block(9999, 0)
+
+            await asyncio.gather(block(0.5, 0.05), begins_in_vain(), block(1, 0))
+            assert await robot["lease"] == 0
+            async with robot.lease(seconds=3):
+                ended = asyncio.ensure_future(block(5, 1))
+                await asyncio.sleep(0)
+                ended.cancel()
+                with pytest.raises(asyncio.CancelledError):
+                    await ended
+                assert await robot["lease"] == 3, "of the lease that did not begin nothing stays"
+            assert await robot["lease"] == 0
+
+    asyncio.run(use())
+
+
 def test_several_slots_are_written_at_once_and_tell_what_is_applied(robot: Robot) -> None:
     robot.run(ARM)
     assert robot.write({"j1.val": 0.5, "j2.val": 2}) == {

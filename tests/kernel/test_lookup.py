@@ -156,3 +156,23 @@ def test_long_names_have_no_suggestion_since_to_compare_them_takes_seconds() -> 
     assert nearest(name, [name[:-1] + "y"]) == name[:-1] + "y"
     assert nearest(name + "x", [name + "y"]) == ""
     assert nearest("y" * 100_000, ["x" * 100_000]) == ""
+
+
+@pytest.mark.parametrize("hook", ["updateSlot", "setSlot", "createSlot"])
+def test_objects_with_hooks_slow_no_assignment_to_the_others(hook: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    kernel = Kernel(SimClock())
+    lobby = kernel.open_lobby("127.0.0.1")
+    slow: list[str] = []
+    other = kernel.world.ops.update_other
+
+    def counted(target: Any, name: str, value: Any) -> Any:
+        slow.append(name)
+        return other(target, name, value)
+
+    monkeypatch.setattr(kernel.world.ops, "update_other", counted)
+    kernel.run_text(lobby, f"class Hooked {{ var a = 1; function {hook}(name, value = 0) {{ 7 }} }}|;"
+                           "class Free { var a = 1 }|; var free = Free.new|; free.a = 2|; slow|;")
+    slow.clear()
+    answered = kernel.run_text(lobby, "for| (5) free.a = 3; Free.new.a = 4; Hooked.a = 5;")
+    assert slow == (["a"] if hook == "updateSlot" else [])
+    assert answered.split()[-1] == ("7" if hook == "updateSlot" else "5")

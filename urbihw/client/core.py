@@ -17,7 +17,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 
 from urbihw.client.credentials import Credentials, Denied
 from urbihw.client.dialect import Native
-from urbihw.client.errors import AccessDenied, CannotConnect, ClientError, ConnectionLost, TimedOut
+from urbihw.client.errors import AccessDenied, CannotConnect, ClientError, ConnectionLost, TimedOut, UrbiError
 from urbihw.client.lines import MAX_LINE_BYTES, BadLine
 from urbihw.client.login import explain_close
 from urbihw.client.session import OnLine, Question, Session
@@ -141,6 +141,8 @@ class ClientCore:
         self._asks_first = asks_first
         self._max_line = max_line
         self._connecting = False
+        self._changes_lease = False
+        """A change of the lease waits for its answer."""
         self._streams: list[Stream] = []
         self._forgotten: deque[Stream] = deque()
         """Streams that nothing reads any more, which the server still sends."""
@@ -240,22 +242,49 @@ class ClientCore:
         return None
 
     def begin_lease(self, term: LeaseTerm) -> Steps[None]:
-        """Let a lease take the place of the one before it.  Raises what ``ask`` raises."""
+        """Let a lease take the place of the one before it.  Raises what ``ask`` raises; the one before it is in force
+        then."""
+        yield from self._await_change()
         self.leases.append(term)
         try:
-            yield from self.ask(lambda dialect, channel: dialect.evaluate(channel, self._lease_text()), self.timeout)
-        except BaseException:
+            yield from self._change_lease(keep=False)
+        except BaseException as error:
             self.leases.remove(term)
+            if self.connected and not isinstance(error, UrbiError | GeneratorExit):  # the server may have begun it
+                with suppress(ClientError):
+                    yield from self._change_lease(keep=True)
             raise
 
     def end_lease(self, term: LeaseTerm) -> Steps[None]:
         """End a lease: what the connection has moved stops, and the lease before it is in force again.  Raises what
         ``ask`` raises; nothing is done without a connection, whose end has stopped it."""
         self.leases.remove(term)
-        text = f"lobby.releaseDevices | {self._lease_text()}"
+        yield from self._await_change()
         if self.connected:
             with suppress(ConnectionLost):
-                yield from self.ask(lambda dialect, channel: dialect.evaluate(channel, text), self.timeout, keep=True)
+                yield from self._change_lease(keep=True, before="lobby.releaseDevices | ")
+
+    def _await_change(self) -> Steps[None]:
+        """Wait until no other change of the lease waits for its answer: the server refuses what was sent before the
+        lease in force had begun."""
+        while self._changes_lease:
+            yield Wait(lambda: not self._changes_lease)
+
+    def _change_lease(self, keep: bool, before: str = "") -> Steps[None]:
+        """Tell the server which lease is in force, after ``_await_change``.  A refused change is sent again: the server
+        also refuses what it reads together with what was sent before the lease in force had begun."""
+        self._changes_lease = True
+
+        def text(dialect: Native, channel: str) -> str:
+            return dialect.evaluate(channel, before + self._lease_text())
+
+        try:
+            try:
+                yield from self.ask(text, self.timeout, keep=keep)
+            except UrbiError:
+                yield from self.ask(text, self.timeout, keep=keep)
+        finally:
+            self._changes_lease = False
 
     def is_fed(self, term: LeaseTerm) -> bool:
         """Whether the library is to give a sign of life for a lease now: it is in force, and the program does not."""

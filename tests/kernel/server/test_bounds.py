@@ -160,6 +160,24 @@ def test_many_that_hold_at_once_hold_for_less_and_less(text: str) -> None:
     played(scene, Bounds(hold_limit=HOLD))
 
 
+def test_others_that_hold_take_nothing_from_a_client_that_stays_below_the_limit(
+    caplog: pytest.LogCaptureFixture
+) -> None:
+    async def scene(talk: Talk) -> None:
+        crowd = [talk.kernel.open_lobby("127.0.0.1") for _ in range(5)]
+        assert await talk.ask("function work() { for| (var i : 1500000) { i + 1 } | 7 }|; 1;") == "1"
+        begun = time.process_time()
+        assert await talk.ask("work;") == "7"
+        assert time.process_time() - begun > watchdog.SHORTEST_HOLD_S
+        for lobby in crowd:
+            talk.say("loop| {};", lobby)
+            await talk.heard(lobby, "held the interpreter")
+        for _ in range(watchdog.MAX_HOLDS):
+            assert await talk.ask("work;") == "7"
+
+    played(scene, Bounds(hold_limit=HOLD))
+
+
 def test_the_error_can_be_caught_as_exception_scheduling() -> None:
     async def scene(talk: Talk) -> None:
         text = "try { loop| {} } catch (var e if e.isA(Exception.Scheduling)) { e.message };"

@@ -44,8 +44,8 @@ class Lobby(Obj):
     is_per_connection = True
     __slots__ = (
         "_advised", "answering", "connected", "holdings", "in_command", "input_handler", "label", "lease", "maker",
-        "noted_until", "on_quit", "ordered", "output", "peer", "programs", "received", "released_at", "shell", "tag",
-        "unread", "user",
+        "noted_until", "on_quit", "ordered", "output", "peer", "programs", "received", "released_at", "served",
+        "shell", "tag", "unread", "user",
     )  # fmt: skip
 
     def __init__(
@@ -67,6 +67,8 @@ class Lobby(Obj):
         """Whether the client can still send statements, such as a stop.  Without command, its programs may not move
         devices."""
         self.received = 0
+        self.served = False
+        """Whether a statement of the client has run, or the first turn of one in the background."""
         self.released_at = 0
         """The lowest ``Job.era`` of a statement that may move devices: ``release_devices`` sets it."""
         self.ordered: int | None = None

@@ -348,6 +348,7 @@ class Shell:
                     self._when_idle()
                 self._more.wait()
             self._run_item(*self._items.popleft())
+            self._lobby.served = True
 
     def _run_item(self, item: Item, ordered: int) -> None:
         by_lobby = self._lobby.ordered

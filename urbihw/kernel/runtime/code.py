@@ -56,6 +56,10 @@ class Executable(Obj):
         """Run with evaluated arguments; raises the arity error when their number is wrong."""
         raise NotImplementedError
 
+    def takes(self, given: int) -> bool:
+        """Whether a call with so many arguments has no arity error, as far as is known before the call."""
+        return True
+
     def call_lazy(self, message: Value) -> Value:
         """Run a lazy executable with a call message."""
         raise NotImplementedError
@@ -160,6 +164,10 @@ class Code(Executable):
             return self.call_lazy(self.world.call_message(self, this, args))
         return self.fn(this, *self._fill(args))
 
+    def takes(self, given: int) -> bool:
+        """Whether it has so many formals, or may have, or takes a call message."""
+        return self.info.lazy or self.info.least <= given and (self.info.most < 0 or given <= self.info.most)
+
     def call_lazy(self, message: Value) -> Value:
         """Run with a call message; strict formals are evaluated from it."""
         if self.info.lazy:
@@ -262,6 +270,10 @@ class Primitive(Executable):
         if given < self.least or (self.most >= 0 and given > self.most):
             raise errors.arity(given, self.least, self.most)
         return self.fn(this, *args)
+
+    def takes(self, given: int) -> bool:
+        """Whether the built-in takes so many arguments."""
+        return self.least <= given and (self.most < 0 or given <= self.most)
 
 
 class LazyPrimitive(Primitive):

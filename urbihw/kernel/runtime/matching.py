@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from urbihw.kernel.runtime.code import Executable
 from urbihw.kernel.runtime.values import Dictionary, List, String, Tuple
 from urbihw.kernel.value import Value
 
@@ -63,15 +64,20 @@ def _match(world: World, pattern: tuple[Any, ...], value: Value, bound: list[Val
 
 
 def _match_value(world: World, wanted: Value, value: Value) -> bool:
-    if _decides(world, wanted, "match") or _decides(world, value, "matchAgainst"):
+    if (wanted.__class__ not in _LITERALS and decides(world, wanted, "match")
+            or value.__class__ not in _LITERALS and decides(world, value, "matchAgainst")):
         handler = world.send(world.classes["Pattern"], "new", wanted)
         return bool(world.send(handler, "matchPattern", wanted, value))
     return bool(world.ops.equal(wanted, value))
 
 
-def _decides(world: World, value: Value, name: str) -> bool:
-    """Whether a value has a function of its own for patterns; literals have none."""
-    return value.__class__ not in _LITERALS and world.peek_obj(value).find(name) is not None
+def decides(world: World, value: Value, name: str) -> bool:
+    """Whether a value has a function for patterns: one that takes two arguments, the handler and the other part.  The
+    ``match`` of a Regexp takes only a text."""
+    holder = world.peek_obj(value).find(name)
+    found = None if holder is None else holder.slots[name]
+    return isinstance(found, Executable) and found.takes(2)
 
 
 _LITERALS = (float, String, List, Tuple, Dictionary)
+"""The classes of the values that are compared, though they have a ``matchAgainst`` for Pattern."""

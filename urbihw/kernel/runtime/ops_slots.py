@@ -56,9 +56,11 @@ def slot_verbs(world: World) -> dict[str, Any]:
         return world.invoke(hook, target, (world.string(name), *args), message)
 
     def declare_const(target: Value, name: str, value: Value) -> Value:
-        """``const var target.name = value``."""
+        """``const var target.name = value``; a ``setSlot`` of the program may have made no slot."""
         declare(target, name, value)
-        meta_of(world.as_obj(target), name).constant = True
+        obj = world.as_obj(target)
+        if name in obj.slots:
+            meta_of(obj, name).constant = True
         return value
 
     def constant() -> None:

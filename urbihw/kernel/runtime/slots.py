@@ -210,11 +210,20 @@ def make_update(world: World, ops: SlotOps) -> Callable[[Any, str, Any], Any]:
     """``update_slot``, the verb of ``target.name = value``."""
     void, protected, hooked = world.void, world.record.protected, ops.hooked
 
+    def updates_plainly(target: Any) -> bool:
+        """Whether the ``updateSlot`` of a target is that of Object, as far as the caches tell."""
+        try:
+            return "updateSlot" not in target.slots and target.protos[0].cache["updateSlot"] is world.object
+        except CACHE_MISS:
+            return False
+
     def update_slot(target: Value, name: str, value: Value) -> Value:
         """``target.name = value``; a local slot that is only a value is written at once, and the first write to a plain
         object copies the inherited slot.
         """
-        if value is not void and target.__class__ is not float and target.meta is None and not hooked:
+        if value is not void and target.__class__ is not float and target.meta is None and (
+            "updateSlot" not in hooked or updates_plainly(target)
+        ):
             slots = target.slots
             if name in slots:
                 slots[name] = value

@@ -51,10 +51,11 @@ GRACE_SHARE: Final = 0.5
 """The time for which a job may go on holding the interpreter after it got the error, as a share of the limit."""
 MAX_HOLDS: Final = 3
 HOLD_WINDOW_S: Final = 30.0
-"""A connection whose jobs get the error ``MAX_HOLDS`` times in so many seconds has all its jobs ended."""
+"""A connection whose jobs hold the interpreter for the whole limit ``MAX_HOLDS`` times in so many seconds has all its
+jobs ended."""
 SHORTEST_HOLD_S: Final = 0.03
-"""Many connections may each hold the interpreter for the first time: the time is halved for each other connection that
-has got the error in ``HOLD_WINDOW_S``, down to this."""
+"""Many connections may each hold the interpreter with the first that they send: their time is halved for each other
+connection that has got the error in ``HOLD_WINDOW_S``, down to this."""
 SIGNAL_RETRY_S: Final = 0.02
 """Seconds after which a signal without effect is sent again."""
 SIGNAL: Final = signal.SIGURG
@@ -93,8 +94,8 @@ class Watchdog:
         self._closed = False
         self._former: signal.Handlers | Callable[[int, FrameType | None], object] | int | None = None
         self._breaks = threading.current_thread() is threading.main_thread()
-        self._held: list[tuple[Lobby, float]] = []
-        """The lobbies whose jobs held the interpreter lately, and the times."""
+        self._held: list[tuple[Lobby, float, bool]] = []
+        """The lobbies whose jobs held the interpreter lately, the times, and whether it was for the whole limit."""
         self._former_hook = sys.unraisablehook
         if self._breaks:
             self._former = signal.signal(SIGNAL, self._handle_signal)
@@ -187,9 +188,15 @@ class Watchdog:
         look.broken, look.broken_busy = now, busy
 
     def _limit_of(self, job: Job | None) -> float:
-        """Seconds of processor time that a job may hold the interpreter, 0 for no limit."""
+        """Seconds of processor time that a job may hold the interpreter, 0 for no limit.
+
+        Others that hold it take nothing from a connection that has been served before and has not held it itself.
+        """
         own, since = None if job is None else lobby_of(job), time.monotonic() - HOLD_WINDOW_S
-        others = {who for who, when in self._held if who is not own and when >= since}
+        held = {who for who, when, _ in self._held if when >= since}
+        if own is None or own.served and own not in held:
+            return self.hold_limit
+        others = held - {own}
         return max(self.hold_limit * 0.5 ** len(others), min(self.hold_limit, SHORTEST_HOLD_S))
 
     def _log_holder(self, seconds: float) -> None:
@@ -253,7 +260,7 @@ class Watchdog:
         """The exception to raise in the job; None for none."""
         if harm is _Harm.HOLDS:
             limit = self._limit_of(job)
-            self._count_hold(job, frame)
+            self._count_hold(job, frame, limit >= self.hold_limit)
             return HeldTooLong(f"held the interpreter for more than {limit:.2g} s: give way with ';' or sleep")
         if harm is _Harm.HOLDS_ON:
             log.warning("job %s is ended: it held the interpreter on", job.name)
@@ -264,16 +271,16 @@ class Watchdog:
             return None
         return end_signal(job) if self.memory.is_final() else MemoryError()
 
-    def _count_hold(self, job: Job, frame: FrameType | None) -> None:
-        """Record that a job held the interpreter.  A connection whose jobs do so again and again (from an ``at``, say)
-        has all its jobs ended.  It is not to blame for what another one has put in the place of a library function,
+    def _count_hold(self, job: Job, frame: FrameType | None, whole: bool) -> None:
+        """Record that a job held the interpreter; ``whole``: for the whole limit.  A connection whose jobs do that again
+        and again (from an ``at``, say) has all its jobs ended.  It is not to blame for what another one has put in the place of a library function,
         which is put back now (``Record.restore_held``)."""
         lobby, now = lobby_of(job), time.monotonic()
         if lobby is None or lobby.world.record.is_replaced(_codes_of(frame)):
             return
-        self._held = [(who, when) for who, when in self._held if now - when < HOLD_WINDOW_S] + [(lobby, now)]
-        if sum(who is lobby for who, _ in self._held) >= MAX_HOLDS:
-            self._held = [(who, when) for who, when in self._held if who is not lobby]
+        self._held = [each for each in self._held if now - each[1] < HOLD_WINDOW_S] + [(lobby, now, whole)]
+        if sum(who is lobby and long for who, _, long in self._held) >= MAX_HOLDS:
+            self._held = [each for each in self._held if each[0] is not lobby]
             log.warning("all jobs of %s are ended: they held the interpreter %d times", lobby.tag.tag.name, MAX_HOLDS)
             told = f"!!! all that this connection runs is ended: it held the interpreter {MAX_HOLDS} times"
             self._scheduler.post(lambda: end_all(lobby, told))

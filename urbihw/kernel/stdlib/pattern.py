@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from urbihw.kernel.runtime.matching import decides
 from urbihw.kernel.runtime.object import Obj
 from urbihw.kernel.runtime.primitive import Table
 from urbihw.kernel.runtime.values import Dictionary
@@ -38,10 +39,11 @@ def match(world: World, this: Obj, value: Value) -> bool:
 
 @PATTERN.primitive("matchPattern")
 def match_pattern(world: World, this: Obj, pattern: Any, value: Value) -> bool:
-    """Match a part: by ``pattern.match(this, value)``, else ``value.matchAgainst(this, pattern)``, else ``==``."""
-    if world.peek_obj(pattern).find("match") is not None:
+    """Match a part: by ``pattern.match(this, value)``, else ``value.matchAgainst(this, pattern)``, where these take two
+    arguments, else ``==``."""
+    if decides(world, pattern, "match"):
         return bool(world.send(pattern, "match", this, value))
-    if world.peek_obj(value).find("matchAgainst") is not None:
+    if decides(world, value, "matchAgainst"):
         return bool(world.send(value, "matchAgainst", this, pattern))
     return bool(world.ops.equal(pattern, value))
 
