@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import random
 from pathlib import Path
 from xml.etree import ElementTree as xml
@@ -153,3 +154,23 @@ def test_every_place_of_a_hand_is_reached_within_the_limits() -> None:
         reach(figure, "hand", (0.6, 0.0, 0.2), joints)
     with pytest.raises(CannotReach, match="at the end of its range: elbow_flex"):
         reach(figure, "hand", (-0.2, 0.1, 0.2), {**joints, "shoulder_lift": JointRange(0.3, 0.3, 0.3)})
+
+
+def test_a_joint_that_turns_for_ever_is_searched_within_a_turn(tmp_path: Path) -> None:
+    pytest.importorskip("scipy", reason="needs the extra navigation")
+    figure = read(arm(tmp_path))
+    open_ended = {"lift": JointRange(0.2, -math.inf, 0.5), "yaw": JointRange(700.0, -math.inf, math.inf)}
+    goals = reach(figure, "tip", (0.3, 0.1, 0.55), open_ended)
+    assert math.dist(place_of(figure, "tip", goals).place, (0.3, 0.1, 0.55)) < NEAR_M
+    assert abs(goals["yaw"] - 700) <= 360 and goals["lift"] <= 0.5
+    with pytest.raises(CannotReach, match="cm away"):
+        reach(figure, "tip", (0.8, 0.0, 0.3), open_ended)
+
+
+def test_a_file_is_read_again_only_when_it_has_changed(tmp_path: Path) -> None:
+    path = arm(tmp_path)
+    before = read(path)
+    assert read(path) is before
+    path.write_text(ARM.replace("at = [0.1, 0, 0]", "at = [0.2, 0, 0]"))
+    os.utime(path, ns=(1, 1))
+    assert read(path).link("tip").at == (0.2, 0, 0)

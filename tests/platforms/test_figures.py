@@ -174,6 +174,30 @@ def test_a_program_reads_where_the_hand_is() -> None:
     assert 'the figure has no link "foot"' in lab.say('robot.figure.part("foot").position;')
 
 
+def test_the_place_of_a_link_reads_no_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    lab = so101_lab.Lab.ready()
+    lab.look("robot.hand.position")
+    monkeypatch.setattr("urbihw.figure.model.parse", lambda table: pytest.fail("read again"))
+    monkeypatch.setattr("urbihw.robot.figures.parse", lambda table: pytest.fail("parsed again"))
+    assert len(json.loads(lab.look("robot.hand.pose"))) == 6
+
+
+def test_a_search_has_the_joints_that_carry_the_link_only() -> None:
+    lab = so101_lab.Lab.ready()
+    for joints, words in (
+        ('[["gripper", 0, -1, 1]]', "gripper is no joint that carries this link"),
+        ('[["a", 0, -1, 1], ["b", 0, -1, 1]]', "a is no joint that carries this link"),
+        ('[["shoulder_pan", 0, -1]]', "a joint is a List of"),
+        ('[["shoulder_pan", nan, -1, 1]]', "shoulder_pan has no reading"),
+    ):
+        told = lab.say(f'so101.figureGoals("hand", [0.2, 0, 0.2], {joints}),', 0.05)
+        lab.thought()
+        assert words in told + lab.say("1;", 0.1), joints
+    told = lab.say('so101.figureGoals("foot", [0.2, 0, 0.2], []),', 0.05)
+    lab.thought()
+    assert "the figure has no link 'foot'" in told + lab.say("1;", 0.1)
+
+
 def think(lab: Any, seconds: float) -> None:
     """Let time pass, with the calculation in its thread, which knows nothing of simulated time."""
     for _ in range(round(seconds / 0.1)):

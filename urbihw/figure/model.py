@@ -19,6 +19,7 @@ import math
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -131,10 +132,20 @@ def figure_file(beside: Path) -> Path | None:
 
 
 def read(path: Path) -> Figure:
-    """The figure of a file.  Raises BadFigure, also for a file that cannot be read."""
+    """The figure of a file; the same object until the file changes.  Raises BadFigure, also for a file that cannot be
+    read.
+    """
+    try:
+        return _read(path, path.stat().st_mtime_ns)
+    except OSError as error:
+        raise BadFigure(f"{path}: cannot be read: {error}") from error
+
+
+@lru_cache(maxsize=8)
+def _read(path: Path, changed: int) -> Figure:
     try:
         return parse(tomllib.loads(path.read_text("utf-8")))
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise BadFigure(f"{path}: cannot be read: {error}") from error
     except BadFigure as error:
         raise BadFigure(f"{path}: {error}") from None

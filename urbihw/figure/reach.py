@@ -14,13 +14,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from urbihw.figure.kinematics import frames, ways_of
-from urbihw.figure.model import Figure, FigureLink, Triple
+from urbihw.figure.model import UNITS, Figure, FigureLink, Triple
 from urbihw.figure.pose import Pose
 
 NEAR_M: Final = 0.001
 """m from the wanted place at which it is reached."""
 STARTS: Final = 8
 """Poses from which it is tried."""
+FARTHEST_M: Final = 1.0
+"""m along which a slide without an end is searched."""
 _STAY: Final = 1e-4
 """m that a radian away from the pose of the robot weighs."""
 
@@ -45,6 +47,7 @@ def reach(figure: Figure, link: str, place: Sequence[float], joints: Mapping[str
     """
     from scipy.optimize import least_squares
 
+    joints = _searched(figure, link, joints)
     names = [name for name, joint in joints.items() if joint.low < joint.high]
     if not names:
         raise CannotReach(f"no joint moves {link}")
@@ -80,6 +83,20 @@ def reach(figure: Figure, link: str, place: Sequence[float], joints: Mapping[str
         name: value for name, value in zip(names, best, strict=True)
         if min(value - joints[name].low, joints[name].high - value) < 0.01 * (joints[name].high - joints[name].low)
     }))  # fmt: skip
+
+
+def _searched(figure: Figure, link: str, joints: Mapping[str, JointRange]) -> dict[str, JointRange]:
+    """The joints with a range to search in: an end that is open is a turn, or ``FARTHEST_M``, from the reading."""
+    units = {each.joint.device: each.joint.unit for each in figure.chain(link) if each.joint is not None}
+    found = {}
+    for name, (reading, low, high) in joints.items():
+        unit = units.get(name, "rad")
+        most = FARTHEST_M if unit == "m" else 2 * math.pi / UNITS[unit]
+        found[name] = JointRange(
+            reading, low if low > -math.inf else min(reading, high) - most,
+            high if high < math.inf else max(reading, low) + most,
+        )  # fmt: skip
+    return found
 
 
 def _starts(here: Sequence[float], bounds: tuple[Sequence[float], Sequence[float]]) -> Iterator[list[float]]:
