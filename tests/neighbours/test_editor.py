@@ -96,7 +96,7 @@ def test_an_editor_gets_errors_names_and_help(lan: Lan) -> None:
     told = editor.ask("initialize", {"processId": None, "rootUri": None, "capabilities": {}})
     assert told["capabilities"]["hoverProvider"] and told["capabilities"]["completionProvider"]
     editor.tell("initialized", {})
-    text = "arm.val = = 2;\narm.stop.x\nsleep\narm.li"
+    text = "arm.val = = 2;\narm.stop.x\nsleep\narm.lim"
     document = {"uri": uri, "languageId": "urbiscript", "version": 1, "text": text}
     editor.tell("textDocument/didOpen", {"textDocument": document})
     published = editor.hear()
@@ -111,7 +111,7 @@ def test_an_editor_gets_errors_names_and_help(lan: Lan) -> None:
         return [each["label"] for each in editor.ask("textDocument/completion", at(line, character))]
 
     # On a busy machine a robot may not answer in the time that an editor waits.
-    wait_for(lambda: labels(3, 6) == ["limited"], "the names")
+    wait_for(lambda: labels(3, 7) == ["limited"], "the names")
     assert labels(1, 10) == [], "a function on the way is not called"
     wait_for(lambda: "sleep" in str(editor.ask("textDocument/hover", at(2, 2))), "the help")
     assert editor.ask("textDocument/hover", at(0, 8)) is None
