@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from pathlib import Path
@@ -19,6 +20,17 @@ from urbihw.kernel.server.tcp import Server
 from urbihw.robot import ROBOT_LIBRARY
 
 T = TypeVar("T")
+MAX_LOOKS = 1500
+
+
+def wait_for(holds: Callable[[], object], what: str) -> None:
+    """Look again and again until something holds: so many looks, as a busy machine has a clock of its own.  Raises
+    TimeoutError."""
+    for _ in range(MAX_LOOKS):
+        if holds():
+            return
+        time.sleep(0.02)
+    raise TimeoutError(f"waited for {what}")
 
 
 class Lan:
@@ -41,7 +53,7 @@ class Lan:
         self.port = self.plain_port = 0
         self._thread = threading.Thread(target=lambda: asyncio.run(self._serve()))
         self._thread.start()
-        assert self._ready.wait(20)
+        assert self._ready.wait(120)
 
     @property
     def where(self) -> Where:
@@ -75,7 +87,7 @@ class Lan:
                 done.set_exception(error)
 
         self._loop.call_soon_threadsafe(run)
-        return done.result(20)
+        return done.result(120)
 
     def count(self) -> tuple[int, int]:
         """How many connections there are, and how many lobbies."""

@@ -9,24 +9,24 @@ import shutil
 import socket
 import subprocess
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import aiomqtt
 import pytest
-from lan_server import Lan
+from lan_server import Lan, wait_for
 
 import urbihw
 from urbihw.client.credentials import Credentials
 from urbihw.client.where import Where
 from urbihw.neighbours.home.bridge import HomeBridge
-from urbihw.neighbours.home.orders_in import HomeOrder, JointQueue, goal_of
+from urbihw.neighbours.home.orders_in import PAUSE_S, HomeOrder, JointQueue, goal_of, inbox_for
 from urbihw.neighbours.home.settings import BridgeSettings
-from urbihw.neighbours.home.things import HomeTopics, discovery_text, state_text, things_of
+from urbihw.neighbours.home.things import MAX_THINGS, HomeTopics, discovery_text, state_text, things_of
 from urbihw.neighbours.orders import OrderSettings
 
-OVERVIEW = {
+OVERVIEW: dict[str, list[Any]] = {
     "effectors": [
         {"slot": "elbow.val", "role": "joint", "unit": "rad", "min": -1, "max": 1},
         {"slot": "wrist.val", "role": "joint", "unit": "rad"},
@@ -95,6 +95,69 @@ def test_a_flood_moves_a_joint_to_its_newest_goal() -> None:
     assert begun[-1] == 999 and len(begun) == 2 and ended == begun
 
 
+def test_a_stop_ends_the_goals_that_came_before_it() -> None:
+    begun, ended = list[float](), list[float]()
+
+    async def move(goal: float) -> None:
+        begun.append(goal)
+        try:
+            await asyncio.sleep(9)
+        finally:
+            ended.append(goal)
+
+    async def use() -> None:
+        joint = JointQueue(move)
+        task = asyncio.create_task(joint.run())
+        joint.put(1)
+        while not begun:
+            await asyncio.sleep(0)
+        joint.put(2)
+        joint.clear()
+        await asyncio.sleep(2 * PAUSE_S)
+        assert begun == ended == [1]
+        joint.put(3)
+        while begun[-1] != 3:
+            await asyncio.sleep(0.01)
+        joint.put(4)
+        joint.clear()
+        joint.put(5)
+        while begun[-1] != 5:
+            await asyncio.sleep(0.01)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    asyncio.run(use())
+    assert begun == ended == [1, 3, 5]
+
+
+def message(topic: str, number: int = 0, retain: bool = False) -> aiomqtt.Message:
+    return aiomqtt.Message(topic, b"0.5", 0, retain, number, None)
+
+
+def test_a_stop_is_taken_from_a_full_inbox_before_all_that_came_earlier() -> None:
+    async def use() -> None:
+        inbox = inbox_for(TOPICS)(maxsize=3)
+        for number in range(3):
+            inbox.put_nowait(message(TOPICS.goal("elbow"), number))
+        with pytest.raises(asyncio.QueueFull):
+            inbox.put_nowait(message(TOPICS.stop, retain=True))
+        inbox.put_nowait(message(TOPICS.stop, 7))
+        inbox.put_nowait(message(TOPICS.goal("elbow"), 8))
+        assert [(await inbox.get()).mid for _ in range(inbox.qsize())] == [7, 8]
+
+    asyncio.run(use())
+
+
+def test_the_home_sees_its_joints_and_sensors_behind_many_lights() -> None:
+    lights = [{"slot": f"light{number}.val", "role": "light"} for number in range(MAX_THINGS)]
+    eyes = [{"slot": f"eye{number}.val", "role": "distance", "unit": "m"} for number in range(MAX_THINGS)]
+    joint = {"slot": "last.val", "role": "joint", "unit": "rad", "min": -1, "max": 1}
+    overview = {"effectors": [*lights, *OVERVIEW["effectors"]], "sensors": [*eyes, *OVERVIEW["sensors"], joint]}
+    things = things_of(overview, ["elbow", "last"])
+    names = [thing.name for thing in things]
+    assert len(names) == MAX_THINGS and {"elbow", "wrist", "last", "eye0"} <= {*names}
+
+
 # ---------------------------------------------------------------- a real broker
 
 SETUP = """
@@ -128,17 +191,18 @@ class Broker:
         config = folder / "mosquitto.conf"
         config.write_text(f"listener {self.port} 127.0.0.1\nallow_anonymous true\n")
         self._broker = subprocess.Popen(("mosquitto", "-c", str(config)), stderr=subprocess.DEVNULL)
-        end = time.monotonic() + 20
-        while True:
-            with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", self.port), 1):
-                break
-            assert time.monotonic() < end
-            time.sleep(0.05)
+        wait_for(self._answers, "the broker")
         self.told: dict[str, str] = {}
         command = ("mosquitto_sub", "-p", str(self.port), "-t", "#", "-v")
         self._ear = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         self._thread = threading.Thread(target=self._listen)
         self._thread.start()
+
+    def _answers(self) -> bool:
+        assert self._broker.poll() is None
+        with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", self.port)):
+            return True
+        return False
 
     def _listen(self) -> None:
         assert self._ear.stdout is not None
@@ -151,10 +215,7 @@ class Broker:
         subprocess.run(command, check=True)
 
     def wait(self, topic: str, holds: Callable[[str], Any]) -> None:
-        end = time.monotonic() + 20
-        while not holds(self.told.get(topic, "")):
-            assert time.monotonic() < end, self.told
-            time.sleep(0.02)
+        wait_for(lambda: holds(self.told.get(topic, "")), topic)
 
     def close(self) -> None:
         for process in (self._ear, self._broker):
@@ -193,10 +254,7 @@ def test_a_robot_comes_to_a_broker_works_and_goes(lan: Lan, tmp_path: Path) -> N
         broker.say("urbihw/arm/set/eye", "1")
         broker.wait("urbihw/arm/error", lambda text: "not a joint that may be moved" in text)
         broker.say("urbihw/arm/stop", "")
-        end = time.monotonic() + 10
-        while robot.robot.stops != 1:
-            assert time.monotonic() < end
-            time.sleep(0.02)
+        wait_for(lambda: robot.robot.stops == 1, "the stop")
         ended.set()
         broker.wait("urbihw/arm/availability", lambda text: text == "offline")
 

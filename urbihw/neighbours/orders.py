@@ -6,17 +6,18 @@ or this process is killed or held, or when the order has ended; and two orders d
 
 from __future__ import annotations
 
+import asyncio
 import math
 from collections import deque
-from collections.abc import AsyncIterator, Mapping
-from contextlib import asynccontextmanager, suppress
+from collections.abc import AsyncIterator, Iterator, Mapping
+from contextlib import asynccontextmanager, contextmanager, suppress
 from dataclasses import field
 from typing import Any, Final
 
 from urbihw.client.aio import AsyncRobot
 from urbihw.client.aio_connection import AsyncConnection
 from urbihw.client.credentials import Credentials
-from urbihw.client.errors import TimedOut, UrbiError
+from urbihw.client.errors import ClientError, TimedOut
 from urbihw.client.literals import literal, string_literal, written_path
 from urbihw.client.session import message_of
 from urbihw.client.where import Where
@@ -75,9 +76,12 @@ def short(text: object) -> str:
 
 
 def plain(text: str, most: int) -> str:
-    """A text of another program in so many letters at most that urbiscript and the log can have: ASCII, in one line."""
+    """A text of another program in so many letters at most that urbiscript and the log can have: ASCII, in one line,
+    which tells that it is cut."""
     line = "".join(each if each.isprintable() else " " for each in text)
-    return line.encode("ascii", "backslashreplace")[:most].decode()
+    whole = line.encode("ascii", "backslashreplace").decode()
+    end = f" ... ({len(text)} characters)"
+    return whole if len(whole) <= most else whole[: most - len(end)] + end
 
 
 class OrderGiver:
@@ -85,7 +89,9 @@ class OrderGiver:
 
     def __init__(self, settings: OrderSettings) -> None:
         self.settings = settings
-        self._running = 0
+        self._running: dict[asyncio.Task[Any], bool] = {}
+        """The tasks of the orders -> whether a stop has ended them."""
+        self._notes: set[asyncio.Task[None]] = set()
 
     async def dial(self, name: str, said: deque[str], reconnect: bool = False) -> AsyncRobot:
         """A connection with the name of the other program; ``said`` gets what the robot says.  Raises ClientError."""
@@ -94,9 +100,13 @@ class OrderGiver:
             settings.where, settings.credentials, CONNECT_TIMEOUT_S, reconnect,
             lambda line, at: said.append(short(message_of(line, at).text)),
         )  # fmt: skip
-        await connection.open()
         robot = AsyncRobot(connection, deque())
-        await robot.run(f"lobby.introduce({string_literal(self.label(name))})|;", timeout=CONNECT_TIMEOUT_S)
+        try:
+            await connection.open()
+            await robot.run(f"lobby.introduce({string_literal(self.label(name))})|;", timeout=CONNECT_TIMEOUT_S)
+        except BaseException:
+            await robot.close()
+            raise
         return robot
 
     def label(self, name: str) -> str:
@@ -107,17 +117,55 @@ class OrderGiver:
     async def order(self, name: str, words: str) -> AsyncIterator[tuple[AsyncRobot, deque[str]]]:
         """A connection for one order, with a lease, and what the robot says meanwhile.  The order is in the log of the
         daemon, in words."""
-        if self._running >= MAX_ORDERS:
+        if len(self._running) >= MAX_ORDERS:
             raise OrderRefused(f"{MAX_ORDERS} orders are carried out already")
         said: deque[str] = deque(maxlen=MAX_SAID)
-        self._running += 1
-        try:
+        with self._ended_by_stops():
             async with await self.dial(name, said) as robot:
                 await note(robot, words)
                 async with robot.lease(self.settings.lease):
                     yield robot, said
+
+    @contextmanager
+    def _ended_by_stops(self) -> Iterator[None]:
+        """A block that a stop ends with OrderRefused; who gives the order up meanwhile still cancels it."""
+        task = asyncio.current_task()
+        assert task is not None
+        cancelled_before = task.cancelling()
+        self._running[task] = False
+        try:
+            yield
+        except asyncio.CancelledError:
+            if self._running[task] and task.uncancel() <= cancelled_before:
+                raise OrderRefused("it was ended: the robot was stopped") from None
+            raise
         finally:
-            self._running -= 1
+            del self._running[task]
+
+    def end_orders(self) -> None:
+        """End all orders, also those that still connect."""
+        for task, is_ended in self._running.items():
+            if not is_ended:
+                self._running[task] = True
+                task.cancel()
+
+    async def stop(self, robot: AsyncRobot) -> None:
+        """End all orders and stop the movements of all clients.  Raises ClientError."""
+        self.end_orders()
+        await robot.stop()
+        self._note_behind(robot, "stops the robot")
+
+    async def estop(self, robot: AsyncRobot) -> None:
+        """End all orders, stop the robot and hold it until a person releases it.  Raises ClientError."""
+        self.end_orders()
+        await robot.estop()
+        self._note_behind(robot, "presses the emergency stop")
+
+    def _note_behind(self, robot: AsyncRobot, words: str) -> None:
+        """Write a note that nobody waits for: the next stop must not."""
+        task = asyncio.create_task(note(robot, words))
+        self._notes.add(task)
+        task.add_done_callback(self._notes.discard)
 
     async def move(self, name: str, goals: Mapping[str, float], speed: float, seconds: float) -> dict[str, Any]:
         """Move joints to their goals at the same time, no faster than ``speed`` (units of the goal in a second) and
@@ -175,8 +223,8 @@ class OrderGiver:
 
 
 async def note(robot: AsyncRobot, words: str) -> None:
-    """Write what is done into the log of the daemon, which takes only some lines a second.  Raises ClientError."""
-    with suppress(UrbiError):
+    """Write what is done into the log of the daemon, if it takes it: it takes only some lines a second."""
+    with suppress(ClientError):
         await robot.run(f"lobby.note({string_literal(plain(words, MAX_NOTE))})|;", timeout=CONNECT_TIMEOUT_S)
 
 

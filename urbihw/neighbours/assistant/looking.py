@@ -11,7 +11,7 @@ from urbihw.client.aio import AsyncRobot
 from urbihw.client.literals import checked_path, string_literal
 from urbihw.client.media import Picture
 from urbihw.extras import install_command
-from urbihw.neighbours.orders import CONNECT_TIMEOUT_S, OrderGiver, OrderRefused, note, short, values
+from urbihw.neighbours.orders import CONNECT_TIMEOUT_S, OrderGiver, OrderRefused, short, values
 
 MAX_SLOTS: Final = 64
 MAX_LOG_LINES: Final = 20
@@ -85,15 +85,13 @@ class Watcher:
 
     async def stop(self, name: str) -> None:
         """Stop the movements of all clients.  Raises ClientError."""
-        robot = await self._link(name)
-        await robot.stop()
-        await note(robot, "stops the robot")
+        self._actor.end_orders()  # also where the connection has to be made first
+        await self._actor.stop(await self._link(name))
 
     async def estop(self, name: str) -> None:
         """Stop the robot and hold it until a person releases it.  Raises ClientError."""
-        robot = await self._link(name)
-        await robot.estop()
-        await note(robot, "presses the emergency stop")
+        self._actor.end_orders()
+        await self._actor.estop(await self._link(name))
 
 
 def jpeg_of(shot: Picture) -> bytes:

@@ -17,7 +17,7 @@ import aiomqtt
 from urbihw.backoff import BackOff
 from urbihw.client.aio import AsyncRobot
 from urbihw.client.errors import ClientError
-from urbihw.neighbours.home.orders_in import HomeOrder, JointQueue, goal_of
+from urbihw.neighbours.home.orders_in import HomeOrder, JointQueue, goal_of, inbox_for
 from urbihw.neighbours.home.settings import BridgeSettings
 from urbihw.neighbours.home.things import (
     ESTOP,
@@ -29,7 +29,7 @@ from urbihw.neighbours.home.things import (
     state_text,
     things_of,
 )
-from urbihw.neighbours.orders import OrderGiver, OrderRefused, note, short
+from urbihw.neighbours.orders import OrderGiver, OrderRefused, short
 
 log = logging.getLogger("urbihw.mqtt")
 
@@ -39,7 +39,7 @@ MAX_PAUSE_S: Final = 30.0
 SILENCE_S: Final = 10.0
 KEEP_ALIVE_S: Final = 10
 MAX_QUEUED: Final = 200
-"""Messages of the broker that wait; further ones are dropped."""
+"""Messages of the broker that wait; further ones are dropped, but no stop."""
 
 
 class HomeBridge:
@@ -72,6 +72,7 @@ class HomeBridge:
             settings.host, settings.port, username=settings.user or None, password=settings.password or None,
             identifier=f"urbihw-{topics.id}", will=will, clean_session=True, keepalive=KEEP_ALIVE_S,
             tls_params=aiomqtt.TLSParameters() if settings.tls else None, max_queued_incoming_messages=MAX_QUEUED,
+            queue_type=inbox_for(topics),
         ) as broker:  # fmt: skip
             discovery = discovery_text(topics, short(told), short(model), things)
             await broker.publish(f"{settings.discovery}/device/urbihw_{topics.id}/config", discovery, 1, True)
@@ -120,8 +121,9 @@ class HomeBridge:
                 if message.retain:
                     continue
                 if topic == self._topics.stop:
-                    await robot.stop()
-                    await note(robot, "stops the robot")
+                    for queue in queues.values():
+                        queue.clear()
+                    await self._orders.stop(robot)
                     continue
                 try:
                     thing, goal = goal_of(self._topics, movable, topic, _bytes(message.payload))

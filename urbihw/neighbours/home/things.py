@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 MAX_THINGS: Final = 100
+"""Of a robot; further ones are not shown."""
 DIGITS: Final = 2
 PROBLEMS: Final = "robot.problems"
 ESTOP: Final = "robot.estop"
@@ -79,16 +80,17 @@ def things_of(overview: Mapping[str, Any], joints: Sequence[str]) -> list[HomeTh
     """The things of a robot; ``joints`` may be moved.  Raises ValueError for one that there is not, or that has no
     range."""
     found = []
-    for row in (*overview["effectors"], *overview["sensors"])[:MAX_THINGS]:
-        if row["role"] in _TELLING:
-            slot = str(row["slot"])
-            joint = slot.removesuffix(".val")
-            ends = None
-            if row["role"] == "joint" and joint in joints:
-                if "min" not in row or "max" not in row:
-                    raise ValueError(f"{joint} has no range, so a home cannot move it")
-                ends = (float(row["min"]), float(row["max"]))
-            found.append(HomeThing(safe(joint), slot, str(row["role"]), str(row.get("unit") or ""), ends))
+    rows = [row for row in (*overview["effectors"], *overview["sensors"]) if row["role"] in _TELLING]
+    rows.sort(key=lambda row: str(row["slot"]).removesuffix(".val") not in joints)  # what may be moved is not left out
+    for row in rows[:MAX_THINGS]:
+        slot = str(row["slot"])
+        joint = slot.removesuffix(".val")
+        ends = None
+        if row["role"] == "joint" and joint in joints:
+            if "min" not in row or "max" not in row:
+                raise ValueError(f"{joint} has no range, so a home cannot move it")
+            ends = (float(row["min"]), float(row["max"]))
+        found.append(HomeThing(safe(joint), slot, str(row["role"]), str(row.get("unit") or ""), ends))
     missing = {*joints} - {thing.slot.removesuffix(".val") for thing in found if thing.ends}
     if missing:
         raise ValueError(f"there is no joint {', '.join(sorted(missing))}")
