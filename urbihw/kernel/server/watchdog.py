@@ -272,9 +272,12 @@ class Watchdog:
         return end_signal(job) if self.memory.is_final() else MemoryError()
 
     def _count_hold(self, job: Job, frame: FrameType | None, whole: bool) -> None:
-        """Record that a job held the interpreter; ``whole``: for the whole limit.  A connection whose jobs do that again
-        and again (from an ``at``, say) has all its jobs ended.  It is not to blame for what another one has put in the place of a library function,
-        which is put back now (``Record.restore_held``)."""
+        """Record that a job held the interpreter; ``whole``: for the whole limit.
+
+        A connection whose jobs do that again and again (from an ``at``, say) has all its jobs ended.  It is not to
+        blame for what another one has put in the place of a library function, which is put back now
+        (``Record.restore_held``).
+        """
         lobby, now = lobby_of(job), time.monotonic()
         if lobby is None or lobby.world.record.is_replaced(_codes_of(frame)):
             return
