@@ -131,7 +131,7 @@ def test_a_movement_waits_for_its_end_and_for_the_person(
         )
 
     assisted(lan, steps, mode=mode, elicitation_callback=person)
-    assert asked == ["Move elbow to 0.2?", "Move elbow to 0?"]
+    assert asked == ["Move elbow to 0.2, at most by 99 a second?", "Move elbow to 0, at most by 0.5 a second?"]
     with urbihw.connect("127.0.0.1", lan.plain_port) as robot:
         assert robot.elbow.val == 0.2
     notes = [record.message for record in caplog.records if "assistant" in record.message]
@@ -185,3 +185,30 @@ def test_with_the_role_full_programs_run_and_end(lan: Lan) -> None:
         assert "lookup failed: nowhere" in await told(client, "run", text="nowhere")
 
     assisted(lan, steps, "full")
+
+
+def test_a_person_sees_a_program_whole_or_it_is_refused(lan: Lan) -> None:
+    asked = list[str]()
+
+    async def person(context: ClientRequestContext, params: ElicitRequestParams) -> ElicitResult:
+        asked.append(params.message)
+        return ElicitResult(action="accept", content={"agreed": False})
+
+    async def steps(client: Client) -> None:
+        harmless = "// only a look\n"
+        for text in (f"{harmless}//{'-' * 1000}\nGlobal.elbow.val = 1", harmless + "\n" * 40 + "Global.elbow.val = 1"):
+            assert "a person has to see it whole" in await told(client, "run", text=text)
+        many = {f"elbow{'w' * 100}{number}": 1 for number in range(12)}
+        assert "a person has to see it whole" in await told(client, "move", goals=many)
+        for text in (f"{harmless}{'1 + ' * 200}1;\nGlobal.elbow.val = 1", "\u202e1 \x1b[2K + 1"):
+            assert "did not agree" in await told(client, "run", text=text)
+        await told(client, "go", x=1, y=2, heading=0.5, frame="map")
+        await told(client, "play", name="wave", speed=0.5)
+
+    assisted(lan, steps, "full", elicitation_callback=person)
+    assert asked == [
+        f"Run this program?\n// only a look\n{'1 + ' * 200}1;\nGlobal.elbow.val = 1",
+        "Run this program?\n\\u202e1 \\x1b[2K + 1",
+        "Drive to x = 1 m, y = 2 m on the map, heading 0.5 rad?",
+        "Play wave, at 0.5 of its speed?",
+    ]
