@@ -5,11 +5,10 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Awaitable, Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
-from lan_server import Lan
+from lan_server import Lan, wait_for
 from mcp import Client
 from mcp.client import ClientRequestContext
 from mcp.types import BlobResourceContents, ElicitRequestParams, ElicitResult, ImageContent, Implementation, TextContent
@@ -38,15 +37,24 @@ var Global.photo = Binary.new("rgb 2 1", "abcdef");
 Steps = Callable[[Client], Awaitable[None]]
 
 
-@pytest.fixture
-def lan(tmp_path: Path) -> Iterator[Lan]:
-    made = Lan(tmp_path)
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lan]:
+    made = Lan(tmp_path_factory.mktemp("lan"))
     try:
-        with urbihw.connect("127.0.0.1", made.plain_port, timeout=20) as robot:
+        with urbihw.connect("127.0.0.1", made.plain_port, timeout=120) as robot:
             robot.run(SETUP)
         yield made
     finally:
         made.close()
+
+
+@pytest.fixture
+def lan(server: Lan) -> Lan:
+    """The server, with the robot as it was at first."""
+    with urbihw.connect("127.0.0.1", server.plain_port, timeout=120) as robot:
+        robot.run("elbow.val = 0|; robot.stops = 0|;")
+    wait_for(lambda: server.count() == (0, 0), "the end of the connections")
+    return server
 
 
 def assisted(lan: Lan, steps: Steps, role: str = "drive", asks: bool = True, **options: Any) -> None:
@@ -171,9 +179,7 @@ def test_nothing_runs_on_behind_a_request_that_is_given_up(lan: Lan) -> None:
             await until(lambda: lan.count() == (1, 1) and not robot["robot.playing"])
 
     async def until(holds: Callable[[], bool]) -> None:
-        async with asyncio.timeout(20):
-            while not await asyncio.to_thread(holds):
-                await asyncio.sleep(0.02)
+        await asyncio.to_thread(wait_for, holds, "the robot")
 
     assisted(lan, steps)
 
