@@ -5,11 +5,10 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Awaitable, Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
-from lan_server import Lan
+from lan_server import Lan, wait_for
 from mcp import Client
 from mcp.client import ClientRequestContext
 from mcp.types import BlobResourceContents, ElicitRequestParams, ElicitResult, ImageContent, Implementation, TextContent
@@ -38,15 +37,24 @@ var Global.photo = Binary.new("rgb 2 1", "abcdef");
 Steps = Callable[[Client], Awaitable[None]]
 
 
-@pytest.fixture
-def lan(tmp_path: Path) -> Iterator[Lan]:
-    made = Lan(tmp_path)
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lan]:
+    made = Lan(tmp_path_factory.mktemp("lan"))
     try:
-        with urbihw.connect("127.0.0.1", made.plain_port, timeout=20) as robot:
+        with urbihw.connect("127.0.0.1", made.plain_port, timeout=120) as robot:
             robot.run(SETUP)
         yield made
     finally:
         made.close()
+
+
+@pytest.fixture
+def lan(server: Lan) -> Lan:
+    """The server, with the robot as it was at first."""
+    with urbihw.connect("127.0.0.1", server.plain_port, timeout=120) as robot:
+        robot.run("elbow.val = 0|; robot.stops = 0|;")
+    wait_for(lambda: server.count() == (0, 0), "the end of the connections")
+    return server
 
 
 def assisted(lan: Lan, steps: Steps, role: str = "drive", asks: bool = True, **options: Any) -> None:
@@ -131,7 +139,7 @@ def test_a_movement_waits_for_its_end_and_for_the_person(
         )
 
     assisted(lan, steps, mode=mode, elicitation_callback=person)
-    assert asked == ["Move elbow to 0.2?", "Move elbow to 0?"]
+    assert asked == ["Move elbow to 0.2, at most by 99 a second?", "Move elbow to 0, at most by 0.5 a second?"]
     with urbihw.connect("127.0.0.1", lan.plain_port) as robot:
         assert robot.elbow.val == 0.2
     notes = [record.message for record in caplog.records if "assistant" in record.message]
@@ -171,9 +179,7 @@ def test_nothing_runs_on_behind_a_request_that_is_given_up(lan: Lan) -> None:
             await until(lambda: lan.count() == (1, 1) and not robot["robot.playing"])
 
     async def until(holds: Callable[[], bool]) -> None:
-        async with asyncio.timeout(20):
-            while not await asyncio.to_thread(holds):
-                await asyncio.sleep(0.02)
+        await asyncio.to_thread(wait_for, holds, "the robot")
 
     assisted(lan, steps)
 
@@ -185,3 +191,30 @@ def test_with_the_role_full_programs_run_and_end(lan: Lan) -> None:
         assert "lookup failed: nowhere" in await told(client, "run", text="nowhere")
 
     assisted(lan, steps, "full")
+
+
+def test_a_person_sees_a_program_whole_or_it_is_refused(lan: Lan) -> None:
+    asked = list[str]()
+
+    async def person(context: ClientRequestContext, params: ElicitRequestParams) -> ElicitResult:
+        asked.append(params.message)
+        return ElicitResult(action="accept", content={"agreed": False})
+
+    async def steps(client: Client) -> None:
+        harmless = "// only a look\n"
+        for text in (f"{harmless}//{'-' * 1000}\nGlobal.elbow.val = 1", harmless + "\n" * 40 + "Global.elbow.val = 1"):
+            assert "a person has to see it whole" in await told(client, "run", text=text)
+        many = {f"elbow{'w' * 100}{number}": 1 for number in range(12)}
+        assert "a person has to see it whole" in await told(client, "move", goals=many)
+        for text in (f"{harmless}{'1 + ' * 200}1;\nGlobal.elbow.val = 1", "\u202e1 \x1b[2K + 1"):
+            assert "did not agree" in await told(client, "run", text=text)
+        await told(client, "go", x=1, y=2, heading=0.5, frame="map")
+        await told(client, "play", name="wave", speed=0.5)
+
+    assisted(lan, steps, "full", elicitation_callback=person)
+    assert asked == [
+        f"Run this program?\n// only a look\n{'1 + ' * 200}1;\nGlobal.elbow.val = 1",
+        "Run this program?\n\\u202e1 \\x1b[2K + 1",
+        "Drive to x = 1 m, y = 2 m on the map, heading 0.5 rad?",
+        "Play wave, at 0.5 of its speed?",
+    ]

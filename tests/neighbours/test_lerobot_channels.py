@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import lerobot_interface
 import pytest
-from lan_server import Lan
+from lan_server import Lan, wait_for
 
 import urbihw
+from urbihw.client.errors import UrbiError
 
 pytestmark = pytest.mark.e2e
 
@@ -19,25 +19,30 @@ SETUP = """
 var Global.robot = Component.new("robot"); robot.addProto(Interface.Mobile);
 var robot.driven = [0, 0]; function robot.drive(x, yaw) { driven = [x, yaw] };
 robot.addComponent("arm");
-class Global.Grip { var val = 0.5; }; Grip.addProto(Interface.RotationalMotor);
+class Global.Grip { function init() { var this.val = 0.5 } }; Grip.addProto(Interface.RotationalMotor);
 robot.arm.addDevice("grip", Grip.new); robot.makeCompactNames; grip.val->rangemin = 0; grip.val->rangemax = 2;
 class Global.Stick { var val = 3; }; Stick.addProto(Interface.LinearMotor); robot.arm.addDevice("stick", Stick.new);
 robot.makeCompactNames; var Global.photo = Binary.new("rgb 2 1", "abcdef");
 """
 
 
-@pytest.fixture
-def address(tmp_path: Path) -> Iterator[str]:
-    lan = Lan(tmp_path)
+@pytest.fixture(scope="module")
+def lan(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lan]:
+    made = Lan(tmp_path_factory.mktemp("lan"))
     try:
-        with urbihw.connect("127.0.0.1", lan.plain_port, timeout=20) as robot:
+        with urbihw.connect("127.0.0.1", made.plain_port, timeout=120) as robot:
             robot.run(SETUP)
-        yield f"127.0.0.1:{lan.plain_port}"
+        yield made
     finally:
-        lan.close()
+        made.close()
 
 
 @pytest.fixture
+def address(lan: Lan) -> str:
+    return f"127.0.0.1:{lan.plain_port}"
+
+
+@pytest.fixture(scope="module")
 def package() -> Iterator[Any]:
     with lerobot_interface.installed() as made:
         yield made
@@ -77,3 +82,35 @@ def test_what_cannot_be_is_told(address: str, package: Any) -> None:
     with pytest.raises(ValueError, match="photo has pictures of 2 x 1"):
         camera.connect()
     assert not camera.is_connected
+
+
+def test_a_camera_that_lost_its_daemon_connects_again(lan: Lan, address: str, package: Any) -> None:
+    def lose() -> None:
+        for each in list(lan.server.connections):
+            each.close()
+
+    camera = package.UrbihwCamera(package.UrbihwCameraConfig(address=address, slot="photo", fps=10))
+    for _ in range(2):
+        camera.connect()
+        assert camera.async_read(60_000).shape == (1, 2, 3)
+        lan.call(lose)
+        wait_for(lambda: not camera.is_connected, "the loss")
+        with pytest.raises(ConnectionError):
+            while True:
+                camera.async_read(60_000)
+        camera.disconnect()
+
+
+def test_a_device_that_cannot_connect_leaves_no_connection(lan: Lan, address: str, package: Any) -> None:
+    wait_for(lambda: lan.count()[0] == 0, "the end of other tests")
+    camera = package.UrbihwCameraConfig(address=address, slot="photo", fps=10, width=640, height=480)
+    robot = lerobot_interface.device_of(package.UrbihwConfig(address=address, grippers="", cameras={"front": camera}))
+    with pytest.raises(ValueError, match="photo has pictures of 2 x 1"):
+        robot.connect()
+    leader = lerobot_interface.device_of(package.UrbihwLeaderConfig(address=address, joints="grip", loose=True))
+    with urbihw.connect(address) as other:
+        other.run('do (robot.arm.grip) { get load() { 1 }; set load(v) { throw "stuck" } };')
+    with pytest.raises(UrbiError, match="stuck"):
+        leader.connect()
+    assert not robot.is_connected and not leader.is_connected
+    wait_for(lambda: lan.count()[0] == 0, "the end of the connections")

@@ -162,7 +162,7 @@ class OrderGiver:
         self._note_behind(robot, "presses the emergency stop")
 
     def _note_behind(self, robot: AsyncRobot, words: str) -> None:
-        """Write a note that nobody waits for: the next stop must not."""
+        """Write a note in a task of its own, so that the next stop does not wait for it."""
         task = asyncio.create_task(note(robot, words))
         self._notes.add(task)
         task.add_done_callback(self._notes.discard)

@@ -30,6 +30,7 @@ class UrbihwCamera(Camera):
         self._at = 0.0
         self._taken = True
         self._why = ""
+        self._thread: threading.Thread | None = None
 
     @staticmethod
     def find_cameras() -> list[dict[str, Any]]:
@@ -49,20 +50,22 @@ class UrbihwCamera(Camera):
 
     def connect(self, warmup: bool = True) -> None:
         """Connect, and wait for the first picture.  Raises ClientError, ValueError for one of another size."""
+        self.disconnect()
+        self._why = ""
         self._daemon = urbihw.connect(self.config.address, timeout=TIMEOUT_S, reconnect=False)
-        pictures = self._daemon.pictures(self.config.slot, hz=self.fps or DEFAULT_RATE_HZ, timeout=TIMEOUT_S)
         try:
+            pictures = self._daemon.pictures(self.config.slot, hz=self.fps or DEFAULT_RATE_HZ, timeout=TIMEOUT_S)
             first = next(shot for shot in pictures if shot.value.data)  # a camera has none at first
             self._store(first.value)
+            height, width, _ = self._newest.shape
+            if (height, width) != (self.config.height or height, self.config.width or width):
+                raise ValueError(f"{self.config.slot} has pictures of {width} x {height}")
         except BaseException:
             self.disconnect()
             raise
-        height, width, _ = self._newest.shape
-        if (height, width) != (self.config.height or height, self.config.width or width):
-            self.disconnect()
-            raise ValueError(f"{self.config.slot} has pictures of {width} x {height}")
         self.height, self.width = height, width
-        threading.Thread(target=self._follow, args=(pictures,), daemon=True).start()
+        self._thread = threading.Thread(target=self._follow, args=(pictures,), daemon=True)
+        self._thread.start()
 
     def _follow(self, pictures: Any) -> None:
         try:
@@ -111,5 +114,8 @@ class UrbihwCamera(Camera):
         robot, self._daemon = self._daemon, None
         if robot is not None:
             robot.close()
+        if self._thread is not None:
+            self._thread.join(5)
+            self._thread = None
         with self._changed:
             self._changed.notify_all()

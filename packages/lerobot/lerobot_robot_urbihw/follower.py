@@ -63,12 +63,16 @@ class Urbihw(Robot):
         self._daemon = urbihw.connect(
             self.config.address, timeout=TIMEOUT_S, reconnect=False, lease=self.config.lease
         )
-        self._daemon.run('lobby.introduce("LeRobot")|;', timeout=TIMEOUT_S)
-        slots = [channel.slot for channel in self._channels]
-        self._newest = NewestValues(self._daemon, slots, self.config.hz, TIMEOUT_S)
-        for camera in self.cameras.values():
-            camera.connect()
-        self.configure()
+        try:
+            self._daemon.run('lobby.introduce("LeRobot")|;', timeout=TIMEOUT_S)
+            slots = [channel.slot for channel in self._channels]
+            self._newest = NewestValues(self._daemon, slots, self.config.hz, TIMEOUT_S)
+            for camera in self.cameras.values():
+                camera.connect()
+            self.configure()
+        except BaseException:
+            self.disconnect()
+            raise
 
     def calibrate(self) -> None:
         """Does nothing: ``urbihw calibrate`` does it."""
@@ -106,14 +110,17 @@ class Urbihw(Robot):
 
     def disconnect(self) -> None:
         """End the connection: joints hold where they are, wheels stand."""
-        for camera in self.cameras.values():
-            if camera.is_connected:
-                camera.disconnect()
-        if self._newest is not None:
-            self._newest.close()
-        if self._daemon is not None:
-            self._daemon.close()
-        self._newest = self._daemon = None
+        try:
+            for camera in self.cameras.values():
+                if camera.is_connected:
+                    camera.disconnect()
+        finally:
+            newest, daemon = self._newest, self._daemon
+            self._newest = self._daemon = None
+            if daemon is not None:
+                daemon.close()
+            if newest is not None:
+                newest.close()
 
 
 def switch(robot: DaemonRobot, slots: list[str], load: int) -> None:

@@ -51,10 +51,14 @@ class UrbihwLeader(Teleoperator):
     def connect(self, calibrate: bool = True) -> None:
         """Connect, and follow the joints."""
         self._daemon = urbihw.connect(self.config.address, timeout=TIMEOUT_S, reconnect=False)
-        self._daemon.run('lobby.introduce("LeRobot, leader")|;', timeout=TIMEOUT_S)
-        slots = [channel.slot for channel in self._channels]
-        self._newest = NewestValues(self._daemon, slots, self.config.hz, TIMEOUT_S)
-        self.configure()
+        try:
+            self._daemon.run('lobby.introduce("LeRobot, leader")|;', timeout=TIMEOUT_S)
+            slots = [channel.slot for channel in self._channels]
+            self._newest = NewestValues(self._daemon, slots, self.config.hz, TIMEOUT_S)
+            self.configure()
+        except BaseException:
+            self.disconnect()
+            raise
 
     def calibrate(self) -> None:
         """Does nothing: ``urbihw calibrate`` does it."""

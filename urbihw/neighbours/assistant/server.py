@@ -34,6 +34,9 @@ Number = Annotated[float, Field(allow_inf_nan=False)]
 Seconds = Annotated[float, Field(ge=0.1, le=120, description="the longest that it may take; then it is ended")]
 Slots = Annotated[list[str], Field(min_length=1, max_length=64)]
 T = TypeVar("T")
+MAX_ASKED: Final = 1000
+"""Characters of a question to the person, and its lines."""
+MAX_ASKED_LINES: Final = 30
 
 
 class Consent(BaseModel):
@@ -73,9 +76,21 @@ class _Questions:
 
     def ask(self, ctx: Context, words: str) -> Asked:
         """The question, or consent where it is not to be asked, or the assistant's program cannot ask it: then it is
-        for that program to ask before it calls a tool."""
-        asking = ctx.client_capabilities and ctx.client_capabilities.elicitation
-        return Elicit(short(words), Consent) if self._asks and asking else Consent(agreed=True)
+        for that program to ask before it calls a tool.  Raises ToolError for what a person could not see whole."""
+        if not (self._asks and ctx.client_capabilities and ctx.client_capabilities.elicitation):
+            return Consent(agreed=True)
+        shown = _shown(words)
+        if len(shown) > MAX_ASKED or shown.count("\n") >= MAX_ASKED_LINES:
+            raise ToolError(f"a person has to see it whole before it is done: at most {MAX_ASKED} characters in "
+                            f"{MAX_ASKED_LINES} lines; nothing was done")  # fmt: skip
+        return Elicit(shown, Consent)
+
+
+def _shown(words: str) -> str:
+    """A question in its lines, with all that cannot be seen as an escape: a person must read what will be done."""
+    return "".join(
+        each if each.isprintable() or each == "\n" else each.encode("unicode_escape").decode() for each in words
+    )
 
 
 def _check(answer: ElicitationResult[Consent]) -> None:
@@ -154,8 +169,9 @@ def _add_looks(server: MCPServer, watcher: Watcher) -> None:
 
 
 def _add_joints(server: MCPServer, actor: OrderGiver, questions: _Questions) -> None:
-    async def agreed(goals: dict[str, Number], ctx: Context) -> Asked:
-        return questions.ask(ctx, f"Move {', '.join(f'{joint} to {goal:g}' for joint, goal in goals.items())}?")
+    async def agreed(goals: dict[str, Number], speed: Number, ctx: Context) -> Asked:
+        words = ", ".join(f"{joint} to {goal:g}" for joint, goal in goals.items())
+        return questions.ask(ctx, f"Move {words}, at most by {speed:g} a second?")
 
     @server.tool(annotations=MOVES)
     async def move(
@@ -171,8 +187,10 @@ def _add_joints(server: MCPServer, actor: OrderGiver, questions: _Questions) -> 
 
 
 def _add_base(server: MCPServer, actor: OrderGiver, questions: _Questions) -> None:
-    async def agreed(x: Number, y: Number, ctx: Context) -> Asked:
-        return questions.ask(ctx, f"Drive to x = {x:g} m, y = {y:g} m?")
+    async def agreed(x: Number, y: Number, heading: Number | None, frame: str, ctx: Context) -> Asked:
+        turned = "" if heading is None else f", heading {heading:g} rad"
+        whence = "ahead of it" if frame == "ahead" else "on the map"
+        return questions.ask(ctx, f"Drive to x = {x:g} m, y = {y:g} m {whence}{turned}?")
 
     @server.tool(annotations=MOVES)
     async def go(
@@ -191,8 +209,9 @@ def _add_base(server: MCPServer, actor: OrderGiver, questions: _Questions) -> No
 
 
 def _add_motions(server: MCPServer, actor: OrderGiver, questions: _Questions) -> None:
-    async def agreed(name: str, ctx: Context) -> Asked:
-        return questions.ask(ctx, f"Play {name}?")
+    async def agreed(name: str, kind: str, speed: Number, ctx: Context) -> Asked:
+        verb = "Go to the pose" if kind == "pose" else "Play"
+        return questions.ask(ctx, f"{verb} {name}, at {speed:g} of its speed?")
 
     @server.tool(annotations=MOVES)
     async def play(
@@ -210,7 +229,7 @@ def _add_motions(server: MCPServer, actor: OrderGiver, questions: _Questions) ->
 
 def _add_language(server: MCPServer, actor: OrderGiver, questions: _Questions) -> None:
     async def agreed(text: str, ctx: Context) -> Asked:
-        return questions.ask(ctx, f"Run this program? {text}")
+        return questions.ask(ctx, f"Run this program?\n{text}")
 
     @server.tool(annotations=MOVES)
     async def run(

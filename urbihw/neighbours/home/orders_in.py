@@ -44,14 +44,14 @@ def goal_of(topics: HomeTopics, things: Mapping[str, HomeThing], topic: str, pay
 def inbox_for(topics: HomeTopics) -> type[asyncio.Queue[aiomqtt.Message]]:
     """The class of a queue of messages from which a stop removes all that came before it."""
 
-    class Inbox(asyncio.Queue[aiomqtt.Message]):
+    class HomeInbox(asyncio.Queue[aiomqtt.Message]):
         def put_nowait(self, item: aiomqtt.Message) -> None:
             if str(item.topic) == topics.stop and not item.retain:
                 while not self.empty():
                     self.get_nowait()
             super().put_nowait(item)
 
-    return Inbox
+    return HomeInbox
 
 
 class JointQueue:

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 MAX_THINGS: Final = 100
-"""Of a robot; further ones are not shown."""
+"""Most things of a robot that a home sees."""
 DIGITS: Final = 2
 PROBLEMS: Final = "robot.problems"
 ESTOP: Final = "robot.estop"
