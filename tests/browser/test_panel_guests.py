@@ -74,7 +74,11 @@ def stands(body: Body, seconds: float = 0.6) -> bool:
 
 def test_no_request_of_role_view_moves_anything(scene: Scene, visit: Visit, body: Body) -> None:
     viewer = visit(scene.pair("view", "carl"))
-    viewer.page.wait_for_selector("[data-part=motor6] .track input")
+    # It is shown what the joint is, and nothing by which it could be moved.
+    viewer.page.wait_for_selector("[data-part=motor6] .live")
+    slider = viewer.page.locator("[data-part=motor6] .track input")
+    slider.wait_for(state="hidden")
+    assert slider.is_disabled()
     before = body.say("state 6")
     for verb, fields in (
         ("set", {"slot": "motor6.val", "value": 1}), ("set", {"slot": "motor6.val", "value": 1, "speed": 1}),
@@ -93,10 +97,8 @@ def test_no_request_of_role_view_moves_anything(scene: Scene, visit: Visit, body
     assert stands(body)
     assert "torque_enable=1" in body.say("state 6")
     assert before.partition("goal_position")[2][:8] == body.say("state 6").partition("goal_position")[2][:8]
-    # Nothing on the page moves it, either.
-    viewer.page.locator("[data-part=motor6] .track input").evaluate(
-        "e => { e.disabled = false; e.value = 1; e.dispatchEvent(new Event('input', {bubbles: true})); }"
-    )
+    # A slider that somebody has brought back does not move it, either.
+    slider.evaluate("e => { e.disabled = false; e.value = 1; e.dispatchEvent(new Event('input', {bubbles: true})); }")
     viewer.page.wait_for_selector(".toast")
     assert stands(body)
 
