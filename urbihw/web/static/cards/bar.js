@@ -157,8 +157,9 @@ function Release({ state }) {
 
 function Held({ state }) {
   if (!state.estop) return null;
-  return html`<div class="held-line" id="held" role="alert"><span>Held by an emergency stop of ${state.estop}. ${state.link ? "Nothing moves." : "Nothing new moves, but there is no link to the robot: it may not have stopped."}</span>
-    <${Release} state=${state} /></div>`;
+  // The button comes first: in a narrow window nothing may push it out of the line.
+  return html`<div class="held-line" id="held" role="alert"><${Release} state=${state} />
+    <span>Held by an emergency stop of ${state.estop}. ${state.link ? "Nothing moves." : "Nothing new moves, but there is no link to the robot: it may not have stopped."}</span></div>`;
 }
 
 /** What is known of the battery; "" for nothing. */
@@ -220,8 +221,8 @@ export function Bar() {
       </div>
     </div>
     <div class="lines">
-      ${told[1] && html`<p class=${`stop-line ${told[0]}`} id="stop-line" role="status">${told[1]}</p>`}
       ${state && html`<${Held} state=${state} />`}
+      ${told[1] && html`<p class=${`stop-line ${told[0]}`} id="stop-line" role="status">${told[1]}</p>`}
       ${stale && html`<p class="stale-line" id="stale" role="alert">${stale}</p>`}
       ${state && html`<p class=${`health ${health.verdict}`} id="health"><b>${HEALTH[health.verdict] || health.verdict}</b>${health.reasons.length
         ? `: ${health.reasons.slice(0, 3).join("; ")}${health.reasons.length > 3 ? ` and ${health.reasons.length - 3} more` : ""}` : ""}</p>`}
