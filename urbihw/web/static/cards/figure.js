@@ -4,7 +4,7 @@
 import { html, useEffect, useMemo, useRef, useState } from "../vendor/htm-preact.js";
 import { connection } from "../js/connection.js";
 import { drawSlot, hearSamples } from "../js/samples.js";
-import { ask, mayDrive, notify, store, useTopics } from "../js/store.js";
+import { ask, mayDrive, notify, showToast, store, useTopics } from "../js/store.js";
 import { rangeOf } from "../js/tree.js";
 import { Card, makeSender, textOfSlot } from "../js/ui.js";
 import { Figure, readingOf, travelOf } from "../figure/model.js";
@@ -178,29 +178,31 @@ function Picture({ figure, speed, choose, tell, wantsGo, endGo }) {
   now.current = { wantsGo, endGo };
   const senders = useMemo(() => new Map(), [figure]);
   const [isReady, setReady] = useState(false);
-  const withWebGL = useMemo(hasWebGL, []);
+  const [withWebGL, setWithWebGL] = useState(hasWebGL);
   useEffect(() => {
     let ends = [];
     let isOver = false;
     const begin = (made) => {
-      if (isOver) {
-        made.close();
-        return;
-      }
       view.current = made;
       box.current.figureView = made;
       setReady(true);
       ends = [...followJoints(made, figure, tell), ...followBase(made, figure)];
     };
-    if (withWebGL) import("../figure/scene.js").then(({ FigureScene }) => begin(new FigureScene(box.current, figure))).catch((error) => tell(error.message));
-    else import("../figure/side.js").then(({ SideView }) => begin(new SideView(box.current, figure, (link) => choose(figure.jointOf(link)))));
+    const fail = (error) => {
+      if (isOver) return;
+      showToast(`The robot cannot be drawn${withWebGL ? " in 3D" : ""}: ${error.message}`);
+      setWithWebGL(false);
+    };
+    // It may be over before a module has come.
+    if (withWebGL) import("../figure/scene.js").then(({ FigureScene }) => isOver || begin(new FigureScene(box.current, figure))).catch(fail);
+    else import("../figure/side.js").then(({ SideView }) => isOver || begin(new SideView(box.current, figure, (link) => choose(figure.jointOf(link))))).catch(fail);
     return () => {
       isOver = true;
       ends.forEach((end) => end());
       view.current?.close();
       view.current = null;
     };
-  }, [figure]);
+  }, [figure, withWebGL]);
   const send = (part, value) => {
     if (!senders.has(part.path)) {
       const slot = part.slotPath(part.goal.name);
@@ -209,7 +211,9 @@ function Picture({ figure, speed, choose, tell, wantsGo, endGo }) {
     senders.get(part.path)(value);
   };
   const drag = useRef(null);
+  const pressed = useRef(null); // where a pointer came down, and whether it has gone from there: a look around
   const press = (event) => {
+    pressed.current = { x: event.clientX, y: event.clientY, isGone: false };
     if (!withWebGL || !view.current || event.button) return;
     if (now.current.wantsGo) return;
     const hit = view.current.pick(event);
@@ -218,13 +222,15 @@ function Picture({ figure, speed, choose, tell, wantsGo, endGo }) {
     const part = store.model.of("joint").find((each) => each.path === link.joint.device);
     event.target.setPointerCapture(event.pointerId);
     view.current.controls.enabled = false;
-    drag.current = { link, part, x: event.clientX, y: event.clientY, travelOf: null, point: hit.point };
+    drag.current = { link, part, travelOf: null, point: hit.point };
   };
   const slide = (event) => {
+    const down = pressed.current;
+    if (down && Math.hypot(event.clientX - down.x, event.clientY - down.y) >= DRAG_PX) down.isGone = true;
     const held = drag.current;
     if (!held || !mayDrive() || !held.part) return;
     if (!held.travelOf) {
-      if (Math.hypot(event.clientX - held.x, event.clientY - held.y) < DRAG_PX) return;
+      if (!down.isGone) return;
       held.travelOf = view.current.beginDrag(held.link, held.point);
     }
     const [least, most] = rangeOf(held.part.goal);
@@ -240,7 +246,7 @@ function Picture({ figure, speed, choose, tell, wantsGo, endGo }) {
     if (!held.travelOf) choose(held.link);
   };
   const click = async (event) => {
-    if (!now.current.wantsGo || !view.current?.floor) return;
+    if (!now.current.wantsGo || !view.current?.floor || pressed.current?.isGone) return;
     const place = view.current.floor(event);
     if (!place) return;
     now.current.endGo();
