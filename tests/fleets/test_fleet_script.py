@@ -185,10 +185,10 @@ def test_a_call_of_a_job_that_has_ended_is_not_sent() -> None:
         line, says = lab.lines[0], threading.Event()
         hello = line.hello
 
-        def slow(robot: str) -> bool:
-            return says.wait(9.0) and hello(robot)
+        def slow(robot: str, *given: float) -> bool:
+            return says.wait(9.0) and hello(robot, *given)
 
-        line.hello = slow  # type: ignore[method-assign]
+        line.hello = slow  # type: ignore[method-assign, assignment]
         daemon.asked.put_nowait(("1", "alice", "call", ["robot.go", 1.0], 8.0))
         daemon.asked.put_nowait(("2", "alice", "cancel", ["1"], 8.0))
         await until(lambda: '"2", true, nil)|' in daemon.heard("Fleet.answered("))
