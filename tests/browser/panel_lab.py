@@ -256,7 +256,7 @@ def axe_findings(visitor: Visitor, pages: Iterable[str]) -> list[str]:
     return found
 
 
-def wait_until(condition: object, seconds: float = 10.0) -> None:
+def wait_until(condition: object, seconds: float = 30.0) -> None:
     """Look at a body again and again until it is as expected."""
     assert callable(condition)
     end = time.monotonic() + seconds

@@ -9,7 +9,7 @@ from __future__ import annotations
 import signal
 import sys
 from collections.abc import Callable
-from types import FrameType
+from types import FrameType, SimpleNamespace
 
 import pytest
 
@@ -64,6 +64,18 @@ def test_the_watchdog_leaves_the_limit_as_it_was(kernel: Kernel) -> None:
     finally:
         watchdog.close()
     assert sys.getrecursionlimit() == usual
+
+
+def test_an_error_of_a_finalizer_at_the_limit_needs_no_room_to_be_kept_out_of_the_log(kernel: Kernel) -> None:
+    def nothing(_given: object) -> None: ...
+
+    watchdog = Watchdog(kernel.scheduler, Bounds())
+    given = SimpleNamespace(exc_type=RecursionError, exc_value=RecursionError())
+    try:
+        hook = sys.unraisablehook
+        assert at_each_depth(lambda: hook(given)) == at_each_depth(lambda: nothing(given))
+    finally:
+        watchdog.close()
 
 
 def test_steps_leave_the_limit_as_it_was() -> None:

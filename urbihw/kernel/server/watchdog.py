@@ -128,7 +128,9 @@ class Watchdog:
     def _filter_unraisable(self, unraisable: Any) -> None:
         """Python cannot raise an error in a finalizer and logs a traceback.  Keep it out of the log if the error only
         means that the program is too deep in calls or is being ended."""
-        if not isinstance(unraisable.exc_value, RecursionError | HeldTooLong | JobSignal):
+        if unraisable.exc_type is RecursionError:
+            return  # where it comes from, there is no room for another call, as ``isinstance`` is one
+        if not isinstance(unraisable.exc_value, HeldTooLong | JobSignal):
             self._former_hook(unraisable)
 
     # ---------------------------------------------------------------- the thread
