@@ -10,6 +10,7 @@ from contextlib import contextmanager
 import pytest
 
 from urbihw.kernel import Kernel
+from urbihw.kernel.lobby.shell import Shell
 from urbihw.kernel.server.interrupt import Interrupter
 
 KILLED = "[:error] !!! received interruption, killing foreground job."
@@ -83,6 +84,18 @@ def test_a_statement_typed_at_once_afterwards_is_not_killed(console: Console, mo
             console.lobby.feed(b"{ sleep(1s); 2 };")
 
     monkeypatch.setattr(type(console.lobby.output), "line", lambda _self, *given: answering(*given))
+    with console.signals():
+        assert console.say("loop| {};") == [KILLED, "[] 2"]
+
+
+def test_a_statement_that_has_not_begun_yet_is_not_killed(console: Console, monkeypatch: pytest.MonkeyPatch) -> None:
+    interrupt = Shell.interrupt
+
+    def typing_before(shell: Shell, *turn: int) -> None:
+        console.lobby.feed(b"1 + 1;")
+        interrupt(shell, *turn)
+
+    monkeypatch.setattr(Shell, "interrupt", typing_before)
     with console.signals():
         assert console.say("loop| {};") == [KILLED, "[] 2"]
 

@@ -238,6 +238,8 @@ class Shell:
         self._open = True
         self._job = self._scheduler.spawn(self._run, name, context=lobby)
         self._last = self._job
+        self.turn = 0
+        """Counts the statements that have begun in the foreground, and those that were interrupted."""
         """The job of the statement that was begun last: what is pending stands behind that one."""
 
     def feed(self, data: bytes, ordered: int) -> None:
@@ -299,18 +301,13 @@ class Shell:
         """Whether the statement in the foreground is running now."""
         return self._scheduler.current is self._job
 
-    @property
-    def statement(self) -> str:
-        """The name of the last statement that began in the foreground."""
-        return self._job.name
-
-    def interrupt(self, statement: str = "") -> None:
+    def interrupt(self, turn: int | None = None) -> None:
         """Kill the statement in the foreground, and discard the pending input, including an incomplete statement.
 
-        Does nothing without one, or if another one than the given ``statement`` runs.  May be called by the statement
-        itself and from outside any job.
+        Does nothing without one, or when the given ``turn`` is over.  May be called by the statement itself and from
+        outside any job.
         """
-        if statement and statement != self._job.name:
+        if turn is not None and turn != self.turn:
             return
         if self._job.started and not self._more:
             self._scheduler.throw(self._job, Interrupted())
@@ -333,6 +330,7 @@ class Shell:
             except (Interrupted, JobKilled) as signal:
                 if not self._open:
                     raise
+                self.turn += 1
                 self._discard_pending()
                 if isinstance(signal, Interrupted) and signal.told:
                     continue
@@ -408,6 +406,7 @@ class Shell:
         lobby = self._lobby
         self._job.name = self.next_name()
         self._job.begin_statement(ordered)
+        self.turn += 1
         scope = lobby.tag.open()
         variables = len(lobby.slots)
         self._is_endless = ENDLESS.match(statement.text) is not None

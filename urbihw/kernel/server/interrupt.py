@@ -81,8 +81,8 @@ class Interrupter:
         shell = lobby.shell
         if frame is not None and shell.is_running():
             self._breaker.break_in(frame, Interrupted())
-            # For a statement that catches this.  On a busy machine the next one may have begun when it is its turn.
-            self._scheduler.post(partial(shell.interrupt, shell.statement))
+            # For a statement that catches this.  What is typed at once may be there first.
+            self._scheduler.post(partial(shell.interrupt, shell.turn))
             return
         if frame is not None:
             self._breaker.break_in(frame, JobKilled(), GRACE_S)
