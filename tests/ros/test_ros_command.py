@@ -1,4 +1,4 @@
-"""``urbihw ros``: whose emergency stop it is, and what ends it."""
+"""``urbihw ros``: whose emergency stop it is (as for ``urbihw panel``), and what ends it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from urbihw.cli import ros
+from urbihw.cli import panel, reach, ros
 from urbihw.ros.errors import PeerError, RosError, RosNameTaken
 from urbihw.ros.robot.bridge import RosRobot, RosRobotSettings
 
@@ -25,10 +25,11 @@ OWN = Path("/run/urbihw/nao-54001.sock")
 def test_emergency_stop_of_no_other_robot(
     monkeypatch: pytest.MonkeyPatch, words: list[str], wanted: Path | None
 ) -> None:
-    monkeypatch.setattr(ros, "control_sockets", lambda: [OTHER, OWN])
-    parser = argparse.ArgumentParser()
-    ros.options(parser)
-    assert ros._settings(parser.parse_args(words)).control == wanted
+    monkeypatch.setattr(reach, "control_sockets", lambda: [OTHER, OWN])
+    for command in (ros, panel):
+        parser = argparse.ArgumentParser()
+        command.options(parser)
+        assert command._settings(parser.parse_args(words)).control == wanted
 
 
 def test_name_of_a_node_that_is_none() -> None:

@@ -16,10 +16,9 @@ from ssl import SSLContext
 from typing import TYPE_CHECKING, Final
 
 from urbihw.cli.options import DEFAULT_PORT, CliRefused, complain, number, port
-from urbihw.cli.reach import add_access, credentials, resolve_server
+from urbihw.cli.reach import add_access, control_by_port, credentials, resolve_server
 from urbihw.client.where import is_loopback, why
 from urbihw.daemon import tls
-from urbihw.daemon.runtime import control_sockets
 from urbihw.daemon.state import credential, state_folder
 from urbihw.exitcodes import EX_CONFIG, EX_OK, EX_UNAVAILABLE
 from urbihw.extras import install_command
@@ -47,7 +46,7 @@ def options(parser: argparse.ArgumentParser) -> None:
                         help="of a browser to pair: look; drive slowly; all, with the language (%(default)s)")
     parser.add_argument("--name", help="name of a browser to pair, for the log and for remove (default: the role)")
     parser.add_argument("--control", type=Path, metavar="PATH",
-                        help="control socket of the robot (default: by the port)")
+                        help="control socket of the robot (default: by the port, none for a path)")
     parser.add_argument("--platform", default="", metavar="NAME",
                         help="platform of the robot, for the title (default: by the control socket)")
     parser.add_argument("--fake", action="store_true", help="the robot is simulated: show that")
@@ -115,9 +114,7 @@ def _settings(options: argparse.Namespace) -> WebSettings:
     except argparse.ArgumentTypeError as error:
         raise CliRefused(str(error), EX_CONFIG) from error
     where = resolve_server(host, server_port, options.tls)
-    control = options.control
-    if control is None and (where.path is not None or is_loopback(where.host)):
-        control = next((path for path in control_sockets() if path.stem.endswith(f"-{server_port}")), None)
+    control = options.control or (None if options.child else control_by_port(host, server_port))
     platform = options.platform
     if not platform and control is not None and control.stem.endswith(f"-{server_port}"):
         platform = control.stem.removesuffix(f"-{server_port}")

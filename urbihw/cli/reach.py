@@ -10,8 +10,8 @@ from typing import Final
 
 from urbihw.cli.options import DEFAULT_PORT, CliRefused, port
 from urbihw.client.credentials import Credentials
-from urbihw.client.where import DEFAULT_HOST, Where, where_is
-from urbihw.daemon.runtime import client_sockets
+from urbihw.client.where import DEFAULT_HOST, Where, is_loopback, where_is
+from urbihw.daemon.runtime import client_sockets, control_sockets
 from urbihw.exitcodes import EX_CONFIG, EX_NOINPUT
 
 PROBE_TIMEOUT_S: Final = 0.5
@@ -49,6 +49,17 @@ def resolve_server(host: str | None, number: int, tls: bool | None) -> Where:
             if accepts(path):
                 return Where(str(path), number)
     return where_is(DEFAULT_HOST if host is None else host, number, tls)
+
+
+def control_by_port(host: str | None, number: int) -> Path | None:
+    """The control socket of the robot that the server at a port of this machine serves; None if it is not known.
+
+    ``host`` is None for this machine.  A path tells no port: the robot at the usual port is another one, which is not
+    ours to stop.  Nor may a child of a daemon ask: the daemon gives it the socket of its robot if there is one.
+    """
+    if host is not None and not is_loopback(host):
+        return None
+    return next((path for path in control_sockets() if path.stem.endswith(f"-{number}")), None)
 
 
 def only_port() -> int | None:

@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING
 
 from urbihw.cli.console import address
 from urbihw.cli.options import DEFAULT_PORT, CliRefused, complain
-from urbihw.client.where import is_loopback
+from urbihw.cli.reach import control_by_port
 from urbihw.daemon.kept_work import run_until_told
-from urbihw.daemon.runtime import control_sockets
 from urbihw.exitcodes import EX_CONFIG, EX_OK
 from urbihw.extras import install_command
 
@@ -59,8 +58,5 @@ def _settings(options: argparse.Namespace) -> RosRobotSettings:
     from urbihw.ros.robot.bridge import RosRobotSettings
 
     host, port = options.server
-    control = options.control
-    # A path tells no port, and a daemon gives the socket of its robot if there is one: another one is not ours to stop.
-    if control is None and not options.child and (host is None or is_loopback(host)):
-        control = next((path for path in control_sockets() if path.stem.endswith(f"-{port}")), None)
+    control = options.control or (None if options.child else control_by_port(host, port))
     return RosRobotSettings(host or "127.0.0.1", port, control, options.node)

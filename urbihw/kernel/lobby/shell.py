@@ -238,9 +238,9 @@ class Shell:
         self._open = True
         self._job = self._scheduler.spawn(self._run, name, context=lobby)
         self._last = self._job
+        """The job of the statement that was begun last: what is pending stands behind that one."""
         self.turn = 0
         """Counts the statements that have begun in the foreground, and those that were interrupted."""
-        """The job of the statement that was begun last: what is pending stands behind that one."""
 
     def feed(self, data: bytes, ordered: int) -> None:
         """Handle bytes that were ``ordered`` then (``Job.ordered``), by the client or by a program.
